@@ -1,0 +1,1 @@
+"""Data only: the calibration set, and later questionnaires and wheel profiles."""

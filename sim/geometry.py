@@ -1,0 +1,35 @@
+"""Poses and angles in the plane: pure functions on metres and radians."""
+
+from dataclasses import dataclass
+from math import cos, isfinite, pi, sin
+
+from steerlab.sim.errors import InvalidConfig
+
+
+@dataclass(frozen=True, slots=True)
+class Pose2D:
+    """Where the car is: its centre (midway between the axles) and heading, in the world frame.
+
+    Heading 0 points along +x, and grows counter-clockwise; it need not be wrapped.
+    """
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.x_m) and isfinite(self.y_m) and isfinite(self.heading_rad)):
+            raise InvalidConfig(f"{self} is not finite; give metres and radians.")
+
+    def ahead(self, distance_m: float) -> "Pose2D":
+        """The pose ``distance_m`` further along the heading (negative: behind)."""
+        return Pose2D(
+            self.x_m + distance_m * cos(self.heading_rad),
+            self.y_m + distance_m * sin(self.heading_rad),
+            self.heading_rad,
+        )
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """The same angle in [-pi, pi)."""
+    return (angle_rad + pi) % (2.0 * pi) - pi
