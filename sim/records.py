@@ -1,11 +1,25 @@
 """``LabelledStep``: the record at which the loop, the store, the learners and the analysis meet."""
+# pyarrow ships no types, so strict mode would reject each of its names:
+# pyright: reportUnknownMemberType=false, reportUnknownParameterType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+# pyright: reportMissingTypeStubs=false
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from math import isfinite
+from typing import Any
 
 import pyarrow as pa
 
+from steerlab.sim.errors import SteerlabError
+
 SCHEMA_VERSION = 1
+_INT32_MAX = 2**31 - 1
+
+
+class InvalidRecord(SteerlabError, ValueError):
+    """A step, a row, a table or a shard is not what ``LABELLED_STEP_SCHEMA`` asks for."""
 
 
 class Gate(StrEnum):
@@ -96,3 +110,90 @@ def table_from_columns(columns: dict[str, object]) -> pa.Table:
     table = pa.Table.from_arrays(arrays, schema=LABELLED_STEP_SCHEMA)
     table.validate(full=True)
     return table
+
+
+COLUMNS: tuple[str, ...] = tuple(LABELLED_STEP_SCHEMA.names)
+"""The column names, in the order in which rows and tables hold them."""
+
+Row = dict[str, Any]
+
+
+def row_from_step(step: LabelledStep) -> Row:
+    """The step as plain ``str | int | float | bool | None`` values by column, numpy scalars too.
+
+    Raises:
+        InvalidRecord: a number is NaN, infinite, negative where it counts, or a text is unusable.
+    """
+    row: Row = {name: getattr(step, name) for name in COLUMNS}
+    try:
+        for name in ("participant", "rollout"):
+            check_name(name, row[name])
+        for name in ("attempt", "step"):
+            row[name] = _count(name, row[name])
+        for name in _FLOATS:
+            if not (row[name] is None and name in _NULLABLE):
+                row[name] = _finite(name, row[name])
+        row["gate"] = _gate(row["gate"]).value
+        row["label_valid"] = bool(row["label_valid"])
+    except InvalidRecord:
+        raise
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidRecord(f"Not a step that can be kept: {error}. In {row}.") from error
+    return row
+
+
+def step_from_row(row: Mapping[str, Any]) -> LabelledStep:
+    """The inverse of ``row_from_step``; 0 and 1 serve as ``label_valid``.
+
+    Raises:
+        InvalidRecord: a column is missing, unknown or holds something else than it may.
+    """
+    if set(row) != set(COLUMNS):
+        missing = sorted(set(COLUMNS) - set(row))
+        unknown = sorted(set(row) - set(COLUMNS))
+        raise InvalidRecord(f"Not a step: missing {missing}, unknown {unknown}.")
+    if row["label_valid"] not in (0, 1):
+        raise InvalidRecord(f"label_valid is {row['label_valid']!r}; give True or False.")
+    plain = row_from_step(LabelledStep(**row))
+    plain["gate"] = Gate(plain["gate"])
+    return LabelledStep(**plain)
+
+
+def table_from_steps(steps: Iterable[LabelledStep]) -> pa.Table:
+    """A table of ``LABELLED_STEP_SCHEMA``, one row a step, in the order given."""
+    return pa.Table.from_pylist(
+        [row_from_step(step) for step in steps], schema=LABELLED_STEP_SCHEMA
+    )
+
+
+def check_name(what: str, name: object) -> str:
+    """``name`` if it is a non-empty text of printable characters.
+
+    Raises:
+        InvalidRecord: it is not: line breaks and lone surrogates do not survive files and pages.
+    """
+    if not isinstance(name, str) or not name.strip() or not name.isprintable():
+        raise InvalidRecord(f"{what} is {name!r}; give a printable text that is not blank.")
+    return name
+
+
+def _gate(value: object) -> Gate:
+    try:
+        return Gate(value)
+    except ValueError:
+        raise InvalidRecord(f"gate is {value!r}; give one of {[*Gate]}.") from None
+
+
+def _count(name: str, value: Any) -> int:
+    count = int(value)
+    if count != value or not 0 <= count <= _INT32_MAX:
+        raise InvalidRecord(f"{name} is {value!r}; give a whole number from 0 to {_INT32_MAX}.")
+    return count
+
+
+def _finite(name: str, value: Any) -> float:
+    number = float(value)
+    if not isfinite(number):
+        mend = "use None where there is none" if name in _NULLABLE else "mark the step instead"
+        raise InvalidRecord(f"{name} is {number}; a stored number is finite, so {mend}.")
+    return number

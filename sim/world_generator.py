@@ -107,9 +107,7 @@ def _draw_block(rng: np.random.Generator, config: WorldConfig) -> Block:
     )
 
 
-def _keeps_gaps(
-    block: Block, others: list[Block], config: WorldConfig, min_gap_m: float
-) -> bool:
+def _keeps_gaps(block: Block, others: list[Block], config: WorldConfig, min_gap_m: float) -> bool:
     """Each neighbour, and the edge of the ground, is overlapped or left far enough."""
     edge_gap_m = config.half_extent_m - max(
         abs(block.x_m) + block.half_x_m, abs(block.y_m) + block.half_y_m

@@ -1,0 +1,139 @@
+"""An offscreen camera tuned for software OpenGL: 0.5 ms for 64 x 64 where defaults take 65 ms."""
+
+import os
+from dataclasses import dataclass
+from importlib import import_module
+from types import TracebackType
+from typing import Literal, Protocol, get_args
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from OpenGL.error import Error as OpenGLError
+
+from steerlab.sim.engine.car import CAR_GROUP
+from steerlab.sim.engine.gl import INSTALL_HINT, choose_gl
+from steerlab.sim.errors import InvalidConfig, NoRenderer
+
+View = Literal["front", "chase"]
+MAX_SIDE_PX = 4096
+
+
+class _GLContext(Protocol):
+    def make_current(self) -> None: ...
+
+    def free(self) -> None: ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraConfig:
+    """Size in pixels and view; ``samples`` > 0 smooths edges and is slow on software OpenGL."""
+
+    width: int = 64
+    height: int = 64
+    view: View = "front"
+    samples: int = 0
+
+    def __post_init__(self) -> None:
+        if not (0 < self.width <= MAX_SIDE_PX and 0 < self.height <= MAX_SIDE_PX):
+            raise InvalidConfig(
+                f"A camera of {self.width} x {self.height} px; both must be 1 to {MAX_SIDE_PX}."
+            )
+        if self.view not in get_args(View):
+            raise InvalidConfig(f"View {self.view!r}; choose one of {', '.join(get_args(View))}.")
+
+
+class Camera:
+    """Draws the scene of one model and data pair; close it before the model goes.
+
+    Raises:
+        NoRenderer: this machine has no OpenGL back end that can draw offscreen.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, config: CameraConfig | None = None
+    ) -> None:
+        self.config = config or CameraConfig()
+        width, height = self.config.width, self.config.height
+        self.model, self._data = model, data
+        self._gl: _GLContext | None = _open_context(width, height)
+        model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+        model.vis.quality.offsamples = self.config.samples
+        self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 16)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False  # 30 ms of 65
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
+        self._option = mujoco.MjvOption()
+        self._option.geomgroup[CAR_GROUP] = self.config.view != "front"
+        self._camera = mujoco.MjvCamera()
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        self._camera.fixedcamid = model.camera(f"car/{self.config.view}").id
+        self._viewport = mujoco.MjrRect(0, 0, width, height)
+        self._bottom_up = np.empty((height, width, 3), np.uint8)
+        self._frame = np.empty_like(self._bottom_up)
+
+    def frame(self, out: NDArray[np.uint8] | None = None) -> NDArray[np.uint8]:
+        """Draw what the camera sees now.
+
+        Returns:
+            (height, width, 3) RGB, top row first: ``out`` if given, else a buffer that the next
+            call overwrites.
+        """
+        if self._gl is None:
+            raise NoRenderer("This camera is closed; make a new one.")
+        frame = self._frame if out is None else out
+        model, data = self.model, self._data
+        # mj_step leaves positions one physics step behind; these two do not touch its warm start.
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_camlight(model, data)
+        self._gl.make_current()
+        mujoco.mjv_updateScene(
+            model,
+            data,
+            self._option,
+            None,
+            self._camera,
+            mujoco.mjtCatBit.mjCAT_ALL,
+            self._scene,
+        )
+        mujoco.mjr_render(self._viewport, self._scene, self._context)
+        mujoco.mjr_readPixels(self._bottom_up, None, self._viewport, self._context)
+        np.copyto(frame, self._bottom_up[::-1])
+        return frame
+
+    def close(self) -> None:
+        """Free the OpenGL context; calling it again does nothing."""
+        if self._gl is not None:
+            self._gl.make_current()
+            self._context.free()
+            self._gl.free()
+            self._gl = None
+
+    def __enter__(self) -> "Camera":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _open_context(width: int, height: int) -> _GLContext:
+    backend = choose_gl()
+    try:
+        if backend is None:
+            raise RuntimeError("no back end works here")
+        # Not mujoco.GLContext: that was bound to a back end when MuJoCo was first imported,
+        # which may have been before steerlab could choose one.
+        context = import_module(f"mujoco.{backend}").GLContext(width, height)
+        context.make_current()
+    except (RuntimeError, ImportError, AttributeError, OpenGLError) as error:
+        raise NoRenderer(
+            f"Cannot draw offscreen with MUJOCO_GL={os.environ['MUJOCO_GL']} ({error}). "
+            f"Install a software driver: {INSTALL_HINT}"
+        ) from error
+    return context

@@ -1,0 +1,102 @@
+"""Choose the OpenGL back end that works on this machine, once, before MuJoCo is imported.
+
+MuJoCo and dm_control read ``MUJOCO_GL`` at import and fail late when it does not fit. A back end
+is tried in a process of its own (a broken driver may crash the process), the answer is cached.
+"""
+
+import json
+import logging
+import os
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+BACKENDS = ("egl", "osmesa", "glfw")  # fastest and most headless first
+INSTALL_HINT = "sudo apt-get install libegl1 libgl1 libgl1-mesa-dri"
+_DISABLED = "disabled"
+_PROBE = """
+import mujoco
+context = mujoco.GLContext(32, 32)
+context.make_current()
+model = mujoco.MjModel.from_xml_string(
+    '<mujoco><worldbody><light pos="0 0 3"/><geom size="1"/></worldbody></mujoco>')
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, renderer)
+assert renderer.currentBuffer == mujoco.mjtFramebuffer.mjFB_OFFSCREEN
+renderer.free()
+context.free()
+"""
+_log = logging.getLogger(__name__)
+
+
+def choose_gl() -> str | None:
+    """Set ``MUJOCO_GL`` unless the user has; return the back end, None where none works.
+
+    Without a back end everything but the camera works; ``Camera`` then raises ``NoRenderer``.
+    """
+    chosen = os.environ.get("MUJOCO_GL")
+    if chosen is None:
+        chosen = _cached() or _probe_all() or _DISABLED
+        os.environ["MUJOCO_GL"] = chosen
+    if chosen in ("egl", "osmesa"):  # PyOpenGL must be told too, before its first import
+        os.environ.setdefault("PYOPENGL_PLATFORM", chosen)
+    if chosen == "osmesa":
+        os.environ.setdefault("DISABLE_RENDER_THREAD_OFFLOADING", "1")  # else noise at exit
+    return chosen if chosen in BACKENDS else None
+
+
+def works(backend: str) -> bool:
+    """Whether ``backend`` draws into an offscreen buffer, tried in a fresh process."""
+    environment = {**os.environ, "MUJOCO_GL": backend}
+    environment.pop("PYOPENGL_PLATFORM", None)
+    if backend == "osmesa":
+        environment["PYOPENGL_PLATFORM"] = "osmesa"
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _PROBE], env=environment, capture_output=True, timeout=60
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        _log.debug("%s: %s", backend, error)
+        return False
+    return done.returncode == 0
+
+
+def _probe_all() -> str | None:
+    for backend in BACKENDS:
+        if backend == "glfw" and "DISPLAY" not in os.environ:
+            continue
+        if works(backend):
+            _remember(backend)
+            return backend
+    return None
+
+
+def _cache_file() -> Path:
+    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(root) / "steerlab" / "gl.json"
+
+
+def _cache_key() -> str:
+    """What the answer depends on: another driver or display may need another back end."""
+    return f"mujoco {version('mujoco')}, display {os.environ.get('DISPLAY', 'none')}"
+
+
+def _cached() -> str | None:
+    """A remembered success; failures are not kept, for the user may have mended them."""
+    try:
+        backend = json.loads(_cache_file().read_text())[_cache_key()]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return backend if backend in BACKENDS else None
+
+
+def _remember(backend: str) -> None:
+    path = _cache_file()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps({_cache_key(): backend}))
+    except OSError as error:  # a read-only home costs a probe at each start, nothing else
+        _log.debug("cannot cache the OpenGL choice: %s", error)

@@ -1,0 +1,146 @@
+"""Labels as Parquet shards: what population runs write, and every learner and analysis reads."""
+
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from steerlab.sim.records import LABELLED_STEP_SCHEMA, SCHEMA_VERSION, InvalidRecord
+
+ROWS_PER_GROUP = 65_536
+_VERSION_KEY = b"steerlab.schema_version"
+
+
+def write_shard(table: pa.Table, path: Path) -> None:
+    """Write ``table`` as one zstd Parquet file: complete under its name, or not there at all.
+
+    Equal rows give equal bytes (with one version of pyarrow), however the table is chunked.
+
+    Raises:
+        InvalidRecord: the table is not of ``LABELLED_STEP_SCHEMA``, or ``path`` cannot be written.
+    """
+    if path.suffix != ".parquet":
+        raise InvalidRecord(f"{path} would not be read back; name it {path.stem}.parquet.")
+    labels = check_labels(table, path.name).combine_chunks()
+    part: Path | None = None
+    try:
+        # The name does not end in .parquet: a part left by a killed run is never read.
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=".part", dir=path.parent)
+        part = Path(name)
+        with os.fdopen(handle, "wb") as sink:
+            os.fchmod(sink.fileno(), 0o644)  # mkstemp gives 0600, which a lab could not share
+            pq.write_table(labels, sink, compression="zstd", row_group_size=ROWS_PER_GROUP)
+            sink.flush()
+            os.fsync(sink.fileno())
+        part.replace(path)
+        _sync_folder(path.parent)
+    except OSError as error:
+        raise InvalidRecord(
+            f"Cannot write {path}: {error.strerror or error}. Check that the folder exists, is "
+            f"writable and has room."
+        ) from error
+    finally:
+        if part is not None:
+            part.unlink(missing_ok=True)
+
+
+def read_shards(folder: Path) -> pa.Table:
+    """All ``*.parquet`` files of a folder as one table of ``LABELLED_STEP_SCHEMA``.
+
+    Rows come in the files' own order, files in the order of their names.
+
+    Raises:
+        InvalidRecord: no shard is there, one is damaged or of another schema, or two hold the
+            same attempt.
+    """
+    if not folder.is_dir():
+        raise InvalidRecord(f"{folder} is not a folder; give the folder that holds the shards.")
+    paths = sorted(folder.glob("*.parquet"))
+    if not paths:
+        raise InvalidRecord(f"{folder} holds no *.parquet file; was the run finished?")
+    shards: list[pa.Table] = []
+    found_in: dict[tuple[str, str, int], str] = {}
+    for path in paths:
+        shard = _read_shard(path)
+        for attempt in _attempts(shard):
+            if attempt in found_in:
+                participant, rollout, number = attempt
+                raise InvalidRecord(
+                    f"Attempt {number} of {participant!r} at {rollout!r} is in both "
+                    f"{found_in[attempt]} and {path.name}; remove one of them from {folder}."
+                )
+            found_in[attempt] = path.name
+        shards.append(shard)
+    return pa.concat_tables(shards)
+
+
+def check_labels(table: pa.Table, source: str) -> pa.Table:
+    """``table`` under ``LABELLED_STEP_SCHEMA`` itself, if its columns and values fit.
+
+    Raises:
+        InvalidRecord: a column is missing, unknown, misplaced or of another type; a required
+            value is null; a number is NaN or infinite.
+    """
+    wanted, found = LABELLED_STEP_SCHEMA.names, table.schema.names
+    if found != wanted:
+        missing = [name for name in wanted if name not in found]
+        unknown = [name for name in found if name not in wanted]
+        what = f"missing {missing}, unknown {unknown}" if missing or unknown else f"order {found}"
+        raise InvalidRecord(f"{source}: columns are not those of a label table: {what}.")
+    for field in LABELLED_STEP_SCHEMA:
+        column = table.column(field.name)
+        if column.type != field.type:
+            raise InvalidRecord(
+                f"{source}: column {field.name!r} is {column.type}; cast it to {field.type}."
+            )
+        if column.null_count and not field.nullable:
+            raise InvalidRecord(
+                f"{source}: column {field.name!r} has {column.null_count} empty values; "
+                f"only teacher_label and oracle_label may be empty."
+            )
+        if pa.types.is_floating(field.type) and not _all_finite(column):
+            raise InvalidRecord(
+                f"{source}: column {field.name!r} holds NaN or infinite values; "
+                f"a missing label is null, and nothing else may be missing."
+            )
+    return pa.Table.from_arrays(table.columns, schema=LABELLED_STEP_SCHEMA)
+
+
+def _all_finite(column: pa.ChunkedArray) -> bool:
+    return bool(np.isfinite(column.drop_null().to_numpy()).all())
+
+
+def _read_shard(path: Path) -> pa.Table:
+    try:
+        with pq.ParquetFile(path) as shard:
+            table = shard.read()
+    except (pa.ArrowException, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise InvalidRecord(
+            f"{path} is not a readable Parquet file ({reason}); delete it and run its share again."
+        ) from error
+    version = (table.schema.metadata or {}).get(_VERSION_KEY, b"").decode(errors="replace")
+    if version.isdecimal() and int(version) > SCHEMA_VERSION:
+        raise InvalidRecord(
+            f"{path} has label schema {version}, this steerlab reads up to {SCHEMA_VERSION}; "
+            f"upgrade steerlab."
+        )
+    return check_labels(table, str(path))
+
+
+def _attempts(shard: pa.Table) -> list[tuple[str, str, int]]:
+    keys = ["participant", "rollout", "attempt"]
+    distinct = shard.group_by(keys, use_threads=False).aggregate([])
+    return list(zip(*(distinct.column(key).to_pylist() for key in keys), strict=True))
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the rename itself durable."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

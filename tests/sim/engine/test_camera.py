@@ -1,0 +1,146 @@
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from steerlab.sim.engine import gl
+from steerlab.sim.engine.camera import Camera, CameraConfig
+from steerlab.sim.engine.driving import Driving
+from steerlab.sim.errors import InvalidConfig, NoRenderer
+
+pytestmark = pytest.mark.render
+
+
+def _is_orange(frame):
+    red, green, blue = (frame[..., channel].astype(int) for channel in range(3))
+    return (red > 150) & (green > 50) & (green < 160) & (blue < 60)
+
+
+@pytest.mark.parametrize("size", [(64, 64), (33, 17), (640, 360)])
+def test_any_size_shows_the_ball_ahead(open_world, size):
+    width, height = size
+    config = CameraConfig(width=width, height=height)
+    with Driving(open_world) as driving, Camera(driving.model, driving.data, config) as camera:
+        frame = camera.frame()
+        assert frame.shape == (height, width, 3)
+        columns = np.nonzero(_is_orange(frame))[1]
+        assert columns.size
+        assert abs(columns.mean() - (width - 1) / 2) < 0.1 * width  # straight ahead
+        sky, ground = frame[0].mean(axis=0), frame[-1].mean(axis=0)
+        assert sky[2] > sky[0] + 20  # the top row is blue sky, so the picture is not upside down
+        assert abs(ground[2] - ground[0]) < 20
+
+
+def test_the_ball_moves_to_the_right_when_the_car_turns_left(open_world):
+    with Driving(open_world) as driving, Camera(driving.model, driving.data) as camera:
+        for _ in range(10):
+            driving.step(1.0)
+        columns = np.nonzero(_is_orange(camera.frame()))[1]
+        assert columns.mean() > 36
+
+
+def test_drawing_does_not_change_the_physics(blocky_world):
+    with Driving(blocky_world) as plain, Driving(blocky_world) as seen:
+        plain.reset(1)
+        seen.reset(1)
+        with Camera(seen.model, seen.data, CameraConfig(view="chase")) as camera:
+            for step in range(50):
+                plain.step(np.sin(step))
+                seen.step(np.sin(step))
+                camera.frame()
+        np.testing.assert_array_equal(plain.physics_state(), seen.physics_state())
+
+
+def test_a_frame_is_of_the_state_now_and_buffers_are_reused(open_world):
+    with Driving(open_world) as driving, Camera(driving.model, driving.data) as camera:
+        first = camera.frame()
+        kept = first.copy()
+        driving.step(2.5)
+        assert camera.frame() is first
+        out = np.empty_like(first)
+        assert camera.frame(out) is out
+        assert (out != kept).any()
+        driving.reset()
+        np.testing.assert_array_equal(camera.frame(), kept)
+
+
+def test_two_cameras_do_not_disturb_each_other(open_world, wall_world):
+    with Driving(open_world) as one, Driving(wall_world) as two:
+        with Camera(one.model, one.data) as alone:
+            expected = alone.frame().copy()
+        first, second = Camera(one.model, one.data), Camera(two.model, two.data)
+        second.frame()
+        np.testing.assert_array_equal(first.frame(), expected)
+        assert (second.frame() != expected).any()
+        first.close()
+        first.close()
+        second.frame()
+        second.close()
+        with pytest.raises(NoRenderer, match="closed"):
+            second.frame()
+
+
+@pytest.mark.parametrize("bad", [{"width": 0}, {"height": 5000}, {"view": "side"}])
+def test_bad_sizes_and_views(bad):
+    with pytest.raises(InvalidConfig):
+        CameraConfig(**bad)
+
+
+_MUJOCO_FIRST = """
+import mujoco
+from steerlab.sim.engine.camera import Camera
+from steerlab.sim.engine.driving import Driving
+from steerlab.sim.geometry import Pose2D
+from steerlab.sim.world import WorldSpec
+world = WorldSpec(name="w", ball_xy_m=(30.0, 0.0), start=Pose2D(0, 0, 0))
+with Driving(world) as driving, Camera(driving.model, driving.data) as camera:
+    print(int(camera.frame().mean()))
+"""
+
+
+def _run(code, **environment):
+    merged = {k: v for k, v in os.environ.items() if k not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")}
+    return subprocess.run(
+        [sys.executable, "-c", code], env=merged | environment, capture_output=True, text=True
+    )
+
+
+def test_works_when_mujoco_was_imported_first_and_exits_cleanly():
+    done = _run(_MUJOCO_FIRST)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 50
+    assert "Traceback" not in done.stderr
+    assert "Exception ignored" not in done.stderr
+
+
+def test_without_opengl_driving_works_and_the_camera_says_how_to_mend_it():
+    done = _run(_MUJOCO_FIRST, MUJOCO_GL="disabled")
+    assert "NoRenderer" in done.stderr
+    assert "apt-get install" in done.stderr
+    assert _run("import steerlab.sim.engine.driving", MUJOCO_GL="disabled").returncode == 0
+
+
+def test_the_choice_is_cached_and_a_users_choice_kept(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv("MUJOCO_GL")
+    tried = []
+    monkeypatch.setattr(gl, "works", lambda backend: bool(tried.append(backend)) or True)
+    assert gl.choose_gl() == tried[0] == "egl"
+    assert list(json.loads((tmp_path / "steerlab/gl.json").read_text()).values()) == ["egl"]
+    monkeypatch.delenv("MUJOCO_GL")
+    gl.choose_gl()
+    assert len(tried) == 1
+    monkeypatch.setenv("MUJOCO_GL", "osmesa")
+    assert gl.choose_gl() == "osmesa"
+
+
+def test_no_back_end_is_not_cached(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv("MUJOCO_GL")
+    monkeypatch.setattr(gl, "works", lambda backend: False)
+    assert gl.choose_gl() is None
+    assert os.environ["MUJOCO_GL"] == "disabled"
+    assert not (tmp_path / "steerlab/gl.json").exists()

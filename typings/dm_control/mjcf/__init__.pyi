@@ -1,0 +1,16 @@
+# MJCF elements get their attributes from a schema at run time.
+from typing import Any
+
+class Element:
+    def __getattr__(self, name: str) -> Any: ...
+    def __setattr__(self, name: str, value: Any) -> None: ...
+
+class RootElement(Element):
+    def __init__(self, model: str | None = ..., model_dir: str = ..., assets: Any = ...) -> None: ...
+
+class Physics:
+    model: Any
+    data: Any
+    @classmethod
+    def from_mjcf_model(cls, mjcf_model: RootElement) -> Physics: ...
+    def free(self) -> None: ...
