@@ -1,7 +1,7 @@
 """Poses and angles in the plane: pure functions on metres and radians."""
 
 from dataclasses import dataclass
-from math import cos, isfinite, pi, sin
+from math import atan2, cos, isfinite, pi, sin
 
 from steerlab.sim.errors import InvalidConfig
 
@@ -33,3 +33,8 @@ class Pose2D:
 def wrap_angle(angle_rad: float) -> float:
     """The same angle in [-pi, pi)."""
     return (angle_rad + pi) % (2.0 * pi) - pi
+
+
+def bearing_rad(pose: Pose2D, point_m: tuple[float, float]) -> float:
+    """Direction of a point as seen from the car, positive to the left, in [-pi, pi)."""
+    return wrap_angle(atan2(point_m[1] - pose.y_m, point_m[0] - pose.x_m) - pose.heading_rad)

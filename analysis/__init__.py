@@ -1,0 +1,1 @@
+"""Figures, summaries and reports: everything that turns finished data into something to read."""

@@ -1,0 +1,210 @@
+"""The summary of a simulated study: the numbers that its JSON file and its report both show."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from math import isfinite
+from numbers import Integral, Real
+from typing import Any, Self
+
+from steerlab.analysis.json_reader import InvalidSummary, JsonReader
+
+SUMMARY_SCHEMA = 1
+DIGITS = 6  # floats in JSON: below this, two machines may differ for the same seed
+SPLITS = ("seen", "new")
+STYLES = ("gain", "delay")
+MAPPER = "mind_meld"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SplitSummary:
+    """Results over the people of one split, on rollouts held out from training.
+
+    Attributes:
+        people: how many teachers.
+        labels: how many held-out labels.
+        mae_before, mae_after: mean |label - oracle| of raw and of mapped labels, in wheel units.
+        improvement: by method, ``1 - sum|mapped - o| / sum|a - o|``.
+        ci95: bootstrap interval of MIND MELD's improvement, over people.
+        person_median: median over people of each one's own improvement.
+        people_improved: share of people whose summed error fell, 0 to 1.
+        labels_worsened: share of labels that moved away from the oracle's, 0 to 1.
+        per_sample_percent: the paper's mean of per-sample ratios; for comparison only.
+    """
+
+    people: int
+    labels: int
+    mae_before: float
+    mae_after: float
+    improvement: Mapping[str, float]
+    ci95: tuple[float, float]
+    person_median: float
+    people_improved: float
+    labels_worsened: float
+    per_sample_percent: float
+
+    def __post_init__(self) -> None:
+        for name, value in (("people", self.people), ("labels", self.labels)):
+            if value < 1:
+                raise InvalidSummary(f"{name} is {value}; a split has at least one.")
+        for name in ("mae_before", "mae_after", "person_median", "per_sample_percent"):
+            _finite(name, getattr(self, name))
+        for name in ("people_improved", "labels_worsened"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise InvalidSummary(f"{name} is {getattr(self, name)}; a share is in 0 to 1.")
+        for method, value in self.improvement.items():
+            _finite(f"improvement of {method}", value)
+        if MAPPER not in self.improvement:
+            raise InvalidSummary(f"improvement has {sorted(self.improvement)}, not {MAPPER!r}.")
+        low, high = (_finite("ci95", limit) for limit in self.ci95)
+        if low > high:
+            raise InvalidSummary(f"ci95 is {self.ci95}; give the lower limit first.")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StyleSummary:
+    """How well the embedding holds one style parameter; None where it could not be measured.
+
+    Attributes:
+        probe_r2: R² of a linear probe from embeddings to the parameter.
+        spearman_new: rank correlation of the probe's guess and the truth, over new people.
+    """
+
+    probe_r2: float | None
+    spearman_new: float | None
+
+    def __post_init__(self) -> None:
+        for name in ("probe_r2", "spearman_new"):
+            value = getattr(self, name)
+            if value is not None:
+                _finite(name, value)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Summary:
+    """One simulated study in numbers; ``seconds`` and ``versions`` differ between equal runs.
+
+    Raises:
+        InvalidSummary: a split or style is missing, or the splits have different methods.
+    """
+
+    seed: int
+    noise: str
+    versions: Mapping[str, str]
+    seconds: Mapping[str, float]
+    splits: Mapping[str, SplitSummary]
+    style: Mapping[str, StyleSummary]
+    verb: str = "simulate"
+
+    def __post_init__(self) -> None:
+        for name, found, wanted in (
+            ("splits", self.splits, SPLITS),
+            ("style", self.style, STYLES),
+        ):
+            if set(found) != set(wanted):
+                raise InvalidSummary(f"{name} has {sorted(found)}; give {sorted(wanted)}.")
+        for name, value in self.seconds.items():
+            _finite(f"seconds.{name}", value)
+        methods = [set(self.splits[split].improvement) for split in SPLITS]
+        if methods[0] != methods[1]:
+            raise InvalidSummary(
+                f"Methods differ between splits: {sorted(methods[0] ^ methods[1])} is in one only."
+            )
+
+    def reproducible(self) -> dict[str, Any]:
+        """What the same seed must give again: everything but ``versions`` and ``seconds``."""
+        volatile = ("versions", "seconds")
+        return {name: value for name, value in self.to_dict().items() if name not in volatile}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values in a fixed order, floats rounded to ``DIGITS``."""
+        return _rounded(
+            {
+                "schema": SUMMARY_SCHEMA,
+                "verb": self.verb,
+                "seed": self.seed,
+                "noise": self.noise,
+                "versions": dict(sorted(self.versions.items())),
+                "seconds": dict(sorted(self.seconds.items())),
+                "splits": {name: asdict(self.splits[name]) for name in SPLITS},
+                "style": {name: asdict(self.style[name]) for name in STYLES},
+            }
+        )
+
+    def to_json(self) -> str:
+        """The summary as JSON: equal summaries give equal text."""
+        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """The inverse of ``to_json``, up to rounding.
+
+        Raises:
+            InvalidSummary: the text is no JSON, of another schema, or a value is missing, unknown
+                or wrong; the message names the place.
+        """
+        top = JsonReader.of_text(text)
+        schema = top["schema"].integer()
+        if schema != SUMMARY_SCHEMA:
+            raise InvalidSummary(
+                f"The summary has schema {schema}, this steerlab reads {SUMMARY_SCHEMA}; read it "
+                f"with the version that wrote it."
+            )
+        top.only("schema", *(field.name for field in fields(cls)))
+        return cls(
+            verb=top["verb"].text(),
+            seed=top["seed"].integer(),
+            noise=top["noise"].text(),
+            versions={name: value.text() for name, value in top["versions"].items().items()},
+            seconds={name: value.number() for name, value in top["seconds"].items().items()},
+            splits={name: _split(value) for name, value in top["splits"].items().items()},
+            style={name: _style(value) for name, value in top["style"].items().items()},
+        )
+
+
+def _split(part: JsonReader) -> SplitSummary:
+    part.only(*(field.name for field in fields(SplitSummary)))
+    try:
+        return SplitSummary(
+            people=part["people"].integer(),
+            labels=part["labels"].integer(),
+            mae_before=part["mae_before"].number(),
+            mae_after=part["mae_after"].number(),
+            improvement={name: v.number() for name, v in part["improvement"].items().items()},
+            ci95=part["ci95"].pair(),
+            person_median=part["person_median"].number(),
+            people_improved=part["people_improved"].number(),
+            labels_worsened=part["labels_worsened"].number(),
+            per_sample_percent=part["per_sample_percent"].number(),
+        )
+    except InvalidSummary as error:
+        message = str(error)
+        raise InvalidSummary(
+            message if message.startswith(part.place) else f"{part.place}: {message}"
+        ) from error
+
+
+def _style(part: JsonReader) -> StyleSummary:
+    part.only(*(field.name for field in fields(StyleSummary)))
+    return StyleSummary(
+        probe_r2=part["probe_r2"].optional_number(),
+        spearman_new=part["spearman_new"].optional_number(),
+    )
+
+
+def _finite(name: str, value: float) -> float:
+    if not isfinite(value):
+        raise InvalidSummary(f"{name} is {value}; a summary holds finite numbers only.")
+    return value
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _rounded(part) for name, part in value.items()}
+    if isinstance(value, tuple | list):
+        return [_rounded(part) for part in value]
+    if isinstance(value, Integral):
+        return int(value)  # numpy's are no JSON
+    if isinstance(value, Real):
+        return round(float(value), DIGITS) + 0.0  # + 0.0: "-0.0" and "0.0" are one number
+    return value

@@ -1,0 +1,80 @@
+"""Numbers and findings in words: what a page or a terminal says about a summary."""
+
+from steerlab.analysis.figures.ladder import method_name
+from steerlab.analysis.summary import MAPPER, Summary
+
+_MINUS = "\u2212"
+_NARROW_SPACE = "\u202f"  # between a number and its unit; does not break
+_NO_BREAK = "\u00a0"
+_CEILINGS = ("oracle_style",)  # told the true style: not a method one could use
+_TIE = 0.01
+_CI = f"95{_NARROW_SPACE}% CI"
+
+
+def percent(fraction: float) -> str:
+    """A fraction as whole percent: 0.614 -> 61 %."""
+    return f"{_signed(round(100.0 * fraction), '.0f')}{_NARROW_SPACE}%"
+
+
+def percent_range(limits: tuple[float, float]) -> str:
+    """Two fractions as a range: 55 to 67 %; it does not break over lines."""
+    low, high = (_signed(round(100.0 * limit), ".0f") for limit in limits)
+    return f"{low}{_NO_BREAK}to{_NO_BREAK}{high}{_NARROW_SPACE}%"
+
+
+def decimal(value: float) -> str:
+    """A number with two decimals."""
+    return _signed(value, ".2f")
+
+
+def count(value: int) -> str:
+    """A whole number, thousands apart: 13 600."""
+    return f"{value:,}".replace(",", _NARROW_SPACE)
+
+
+def teachers(people: int) -> str:
+    """1 teacher, 34 teachers."""
+    return f"{count(people)} teacher{'' if people == 1 else 's'}"
+
+
+def headline(summary: Summary) -> str:
+    """The main finding in one sentence, as far as its confidence interval carries it."""
+    new = summary.splits["new"]
+    value, (low, high) = new.improvement[MAPPER], new.ci95
+    whom = f"{teachers(new.people)} it had never seen"
+    interval = f"{_CI} {percent_range((low, high))}"
+    if low > 0.0:
+        return f"MIND MELD removed {percent(value)} of the label error of {whom} ({interval})"
+    if high < 0.0:
+        worse = f"{_CI} {percent_range((-high, -low))}"
+        return (
+            f"MIND MELD added {percent(-value)} to the label error of {whom} ({worse}): "
+            f"the labels got worse"
+        )
+    return (
+        f"MIND MELD had no clear effect on the label error of {whom}: {percent(value)} removed "
+        f"({interval})"
+    )
+
+
+def comparison(summary: Summary) -> str:
+    """How the best of the other methods did on new people; empty if there is none."""
+    improvement = summary.splits["new"].improvement
+    others = [m for m in improvement if m not in (MAPPER, "identity", *_CEILINGS)]
+    if not others:
+        return ""
+    best = max(others, key=lambda method: improvement[method])
+    ahead = improvement[MAPPER] - improvement[best]
+    what = f"the best simpler method ({method_name(best)}) removed {percent(improvement[best])}"
+    if ahead > _TIE:
+        return f"On the same labels {what}."
+    if ahead < -_TIE:
+        return f"That is not the best result here: {what}."
+    return f"A simpler method does about as well: {what}."
+
+
+def _signed(value: float, kind: str) -> str:
+    text = format(value, kind)
+    if float(text) == 0.0:
+        return text.lstrip("-")
+    return text.replace("-", _MINUS)

@@ -1,0 +1,1 @@
+"""Label windows, MIND MELD, the baseline ladder and what is measured about them."""

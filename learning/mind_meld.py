@@ -1,0 +1,142 @@
+"""The three networks of MIND MELD (paper, section Architecture)."""
+
+from dataclasses import dataclass
+from math import sqrt
+
+import torch
+from torch import Tensor, nn
+
+from steerlab.learning.windows import CHANNELS
+from steerlab.sim.errors import InvalidConfig
+
+LOG_SIGMA_RANGE = (-5.0, 2.0)  # keeps exp(log sigma) finite early in training
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkConfig:
+    """Sizes; the paper gives the LSTM's 32, f's 200 and g's 64 and 32."""
+
+    embedding_size: int = 4  # d; the paper draws 2
+    lstm_size: int = 32
+    encoding_size: int = 16  # k
+    difference_hidden: int = 200
+    inference_hidden: tuple[int, int] = (64, 32)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inference_hidden", tuple(self.inference_hidden))  # from JSON
+        sizes = (self.embedding_size, self.lstm_size, self.encoding_size, self.difference_hidden)
+        if min(*sizes, *self.inference_hidden) < 1 or len(self.inference_hidden) != 2:
+            raise InvalidConfig(f"{self} has a size below 1 or not two inference layers.")
+
+
+class WindowEncoder(nn.Module):
+    """E: windows -> z. A bidirectional LSTM read at the window's centre, then a linear layer.
+
+    Read at the centre, the forward LSTM needs only the first half of the window and the backward
+    one only the second: the same numbers as a full pass for about half the work.
+    """
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        self.forward_lstm = nn.LSTM(CHANNELS, config.lstm_size, batch_first=True)
+        self.backward_lstm = nn.LSTM(CHANNELS, config.lstm_size, batch_first=True)
+        self.to_encoding = nn.Linear(2 * config.lstm_size, config.encoding_size)
+
+    def forward(self, inputs: Tensor) -> Tensor:
+        """inputs: (batch, window, channels) -> z: (batch, k)."""
+        centre = inputs.shape[1] // 2
+        _, (past, _) = self.forward_lstm(inputs[:, : centre + 1])
+        _, (future, _) = self.backward_lstm(inputs[:, centre:].flip(1))
+        return self.to_encoding(torch.cat([past[0], future[0]], dim=1))
+
+    def full_pass(self, inputs: Tensor) -> Tensor:
+        """The same by an ordinary bidirectional LSTM over the whole window; for checks."""
+        both = nn.LSTM(
+            CHANNELS, self.forward_lstm.hidden_size, batch_first=True, bidirectional=True
+        )
+        weights = dict(self.forward_lstm.state_dict())
+        reverse = self.backward_lstm.state_dict()
+        both.load_state_dict({**weights, **{f"{key}_reverse": reverse[key] for key in reverse}})
+        states, _ = both(inputs)
+        return self.to_encoding(states[:, inputs.shape[1] // 2])
+
+
+class DifferenceNetwork(nn.Module):
+    """f: z, w -> d, the predicted difference ``a - o``; one hidden layer."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        self.hidden = nn.Linear(
+            config.encoding_size + config.embedding_size, config.difference_hidden
+        )
+        self.out = nn.Linear(config.difference_hidden, 1)
+
+    def forward(self, encoding: Tensor, embedding: Tensor) -> Tensor:
+        """encoding: (batch, k), embedding: (batch, d) -> difference: (batch,)."""
+        hidden = torch.relu(self.hidden(torch.cat([encoding, embedding], dim=1)))
+        return self.out(hidden).squeeze(1)
+
+    def with_jacobian(self, encoding: Tensor, embedding: Tensor) -> tuple[Tensor, Tensor]:
+        """Also the derivative by the embedding: difference (batch,), jacobian (batch, d)."""
+        hidden = torch.relu(self.hidden(torch.cat([encoding, embedding], dim=1)))
+        by_embedding = self.hidden.weight[:, encoding.shape[1] :]
+        jacobian = ((hidden > 0.0) * self.out.weight[0]) @ by_embedding
+        return self.out(hidden).squeeze(1), jacobian
+
+
+class InferenceNetwork(nn.Module):
+    """g: z, d -> the approximate posterior N(mu, sigma²) over w; two hidden layers."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        first, second = config.inference_hidden
+        self.layers = nn.Sequential(
+            nn.Linear(config.encoding_size + 1, first),
+            nn.ReLU(),
+            nn.Linear(first, second),
+            nn.ReLU(),
+            nn.Linear(second, 2 * config.embedding_size),
+        )
+
+    def forward(self, encoding: Tensor, difference: Tensor) -> tuple[Tensor, Tensor]:
+        """encoding: (batch, k), difference: (batch,) -> mu, log sigma: (batch, d) each."""
+        mean, log_sigma = self.layers(torch.cat([encoding, difference[:, None]], dim=1)).chunk(2, 1)
+        return mean, log_sigma.clamp(*LOG_SIGMA_RANGE)
+
+    def mean_with_derivative(self, encoding: Tensor, difference: Tensor) -> tuple[Tensor, Tensor]:
+        """mu and its derivative by the difference: (batch, d) each."""
+        value = torch.cat([encoding, difference[:, None]], dim=1)
+        slope = torch.zeros_like(value)
+        slope[:, -1] = 1.0
+        for layer in self.layers:
+            if isinstance(layer, nn.Linear):
+                value, slope = layer(value), slope @ layer.weight.T
+            else:
+                value, slope = torch.relu(value), slope * (value > 0.0)
+        return value.chunk(2, 1)[0], slope.chunk(2, 1)[0]
+
+
+class MindMeld(nn.Module):
+    """Encoder, f and g together; the embeddings live outside, one per person.
+
+    Args:
+        config: sizes.
+        generator: draws the initial weights; torch's global generator is neither read nor moved.
+    """
+
+    def __init__(self, config: NetworkConfig, generator: torch.Generator) -> None:
+        super().__init__()
+        with torch.random.fork_rng(devices=[]):
+            self.encoder = WindowEncoder(config)
+            self.difference = DifferenceNetwork(config)
+            self.inference = InferenceNetwork(config)
+        with torch.no_grad():  # torch's default scheme, from our generator
+            for module in self.modules():
+                if isinstance(module, nn.LSTM):
+                    bound = 1.0 / sqrt(module.hidden_size)
+                elif isinstance(module, nn.Linear):
+                    bound = 1.0 / sqrt(module.in_features)
+                else:
+                    continue
+                for parameter in module.parameters():
+                    parameter.uniform_(-bound, bound, generator=generator)

@@ -1,0 +1,150 @@
+"""Make the calibration set: what its rollouts must be like, and the search for them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import hypot
+
+import numpy as np
+
+from steerlab.sim.engine.driving import Driving
+from steerlab.sim.errors import InvalidConfig, NoPath
+from steerlab.sim.geometry import Pose2D, bearing_rad
+from steerlab.sim.ground_truth import Planner, sample_starts
+from steerlab.sim.recorder import record_rollout
+from steerlab.sim.rollout import Outcome, Rollout
+from steerlab.sim.wizard import Wizard, WizardStyle
+from steerlab.sim.world_generator import WorldConfig, generate_world
+
+CALIBRATION_SEED = 12
+ROLLOUTS_PER_WORLD = 2
+MAX_TRIES = 1000
+HARD_TURN_WHEEL = 1.85
+WORLDS = WorldConfig(blocks=(20, 30))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationRules:
+    """What a rollout must be like to be shown to people; lengths in control steps.
+
+    Saturated labels hide over-correction, so few may be at full lock; a rollout needs turns to
+    both sides, and something to correct.
+    """
+
+    steps: tuple[int, int] = (150, 300)
+    max_hard: float = 0.2  # share of labels in a turn as tight as paths are planned
+    max_hard_missed: float = 0.45  # the same for the styles that drive past the ball and turn back
+    start_to_ball_m: tuple[float, float] = (40.0, 58.0)
+    max_start_bearing_rad: float = 1.2  # of the ball, so that no rollout starts with a U-turn
+    min_each_side: float = 0.15  # share of steps with a label beyond ±0.15 on either side
+    min_mean_error: float = 0.35  # mean |robot wheel - oracle label|
+
+    def accept_start(self, start: Pose2D, ball_xy_m: tuple[float, float]) -> bool:
+        """Whether a rollout may start here."""
+        nearest_m, farthest_m = self.start_to_ball_m
+        distance_m = hypot(start.x_m - ball_xy_m[0], start.y_m - ball_xy_m[1])
+        turn_rad = abs(bearing_rad(start, ball_xy_m))
+        return nearest_m <= distance_m <= farthest_m and turn_rad <= self.max_start_bearing_rad
+
+    def accept(self, rollout: Rollout, *, must_miss: bool) -> bool:
+        """Whether the rollout keeps every rule; with ``must_miss`` it also drove past the ball."""
+        if must_miss and not drove_past_ball(rollout):
+            return False
+        if not self.steps[0] <= rollout.steps <= self.steps[1]:
+            return False
+        if not rollout.oracle_valid.all() or rollout.outcome is Outcome.OUT_OF_BOUNDS:
+            return False
+        label = rollout.oracle_label
+        left, right = (label > 0.15).mean(), (label < -0.15).mean()
+        return bool(
+            hard_share(label) <= (self.max_hard_missed if must_miss else self.max_hard)
+            and min(left, right) >= self.min_each_side
+            and np.abs(rollout.robot_wheel - label).mean() >= self.min_mean_error
+        )
+
+
+STYLES = (
+    WizardStyle(error_wheel=0.9, error_time_s=0.6),  # weaves fast
+    WizardStyle(error_wheel=0.7, error_time_s=3.0),  # drifts slowly
+    WizardStyle(decoy="ball", error_wheel=0.3, err_s=11.0, sane_s=1.5),  # aims beside the ball
+    WizardStyle(decoy="block", error_wheel=0.3, err_s=2.5),  # heads for blocks
+    WizardStyle(gain=0.35, error_wheel=0.6, error_time_s=1.5),  # recovers late
+    WizardStyle(decoy="block", gain=0.7, error_wheel=0.5, error_time_s=1.0, err_s=1.5, sane_s=2.0),
+)
+
+
+def hard_share(labels: np.ndarray) -> float:
+    """Share of labels at or beyond the plateau of a turn at the planned radius.
+
+    Full lock itself is rarer: planned turns leave the wheel some reserve.
+    """
+    return float((np.abs(labels) > HARD_TURN_WHEEL).mean())
+
+
+def drove_past_ball(rollout: Rollout, by_m: float = 3.0) -> bool:
+    """Whether the car came near the ball and then got further from it again by ``by_m``."""
+    distance_m = np.hypot(*(rollout.pose[:, :2] - rollout.world.ball_xy_m).T)
+    nearest = int(distance_m.argmin())
+    return bool(
+        distance_m[nearest] < 15.0 and distance_m[nearest:].max() > distance_m[nearest] + by_m
+    )
+
+
+def generate_calibration_set(
+    seed: int = CALIBRATION_SEED,
+    rules: CalibrationRules | None = None,
+    on_rollout: Callable[[int, int], None] | None = None,
+) -> tuple[Rollout, ...]:
+    """Drive until each style has two rollouts, in six worlds, that keep the rules.
+
+    Args:
+        on_rollout: called with (rollouts found, rollouts wanted).
+
+    Raises:
+        InvalidConfig: a style found no rollout in ``MAX_TRIES`` tries; loosen the rules.
+    """
+    rules = rules or CalibrationRules()
+    streams = np.random.SeedSequence(seed).spawn(len(STYLES))
+    rollouts: list[Rollout] = []
+    for number, stream in enumerate(streams):
+        rollouts += _rollouts_of_world(number, stream, rules)
+        if on_rollout is not None:
+            on_rollout(len(rollouts), len(STYLES) * ROLLOUTS_PER_WORLD)
+    return tuple(rollouts)
+
+
+def _rollouts_of_world(
+    number: int, stream: np.random.SeedSequence, rules: CalibrationRules
+) -> list[Rollout]:
+    """Two rollouts in one world: with this world's style, and with the next one."""
+    world_rng, start_rng, drive_stream = (*stream.spawn(2), stream)
+    world = generate_world(f"calibration-{number}", np.random.default_rng(world_rng), WORLDS)
+    planner = Planner(world, seed=number)
+    starts = np.random.default_rng(start_rng)
+    found: list[Rollout] = []
+    with Driving(world) as driving:
+        for attempt in range(MAX_TRIES):
+            style = STYLES[(number + len(found) * 3) % len(STYLES)]
+            rng = np.random.default_rng(drive_stream.spawn(1)[0])
+            (start,) = sample_starts(planner, starts, 1, min_to_ball_m=rules.start_to_ball_m[0])
+            if not rules.accept_start(start, world.ball_xy_m):
+                continue
+            try:
+                rollout = record_rollout(
+                    driving,
+                    Wizard(style, planner, driving.config.control_hz, rng),
+                    planner,
+                    name=f"calibration-{number * ROLLOUTS_PER_WORLD + len(found):02d}",
+                    seed=attempt,
+                    start=start,
+                    max_steps=rules.steps[1],
+                )
+            except NoPath:  # drove itself into a dead end: not a rollout to show
+                continue
+            if rules.accept(rollout, must_miss=style.decoy == "ball"):
+                found.append(rollout)
+            if len(found) == ROLLOUTS_PER_WORLD:
+                return found
+    raise InvalidConfig(
+        f"World {world.name!r}: {len(found)} of {ROLLOUTS_PER_WORLD} rollouts kept the rules in "
+        f"{MAX_TRIES} tries; loosen CalibrationRules or take another seed."
+    )

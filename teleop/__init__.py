@@ -1,0 +1,1 @@
+"""The loop, the study and the command line: where everything below is put together."""

@@ -1,0 +1,101 @@
+"""``steerlab doctor``: what this machine can do, and how to mend what it cannot."""
+
+import os
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from steerlab.sim.errors import NoRenderer
+from steerlab.teleop.provenance import cpu_model, versions
+
+MIN_FREE_GB = 2.0
+MAX_FRAME_MS = 16.0  # one display frame at 60 Hz
+MIN_PYTHON = (3, 11)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One line of the doctor's; ``mend`` is empty where all is well."""
+
+    what: str
+    found: str
+    ok: bool
+    mend: str = ""
+
+
+def examine(folder: Path) -> list[Finding]:
+    """Look at Python, processor, disk (of ``folder``), versions, OpenGL and the physics."""
+    return [_python(), _processor(), _disk(folder), *_versions(), *_camera()]
+
+
+def _python() -> Finding:
+    found = ".".join(map(str, sys.version_info[:3]))
+    ok = sys.version_info >= MIN_PYTHON
+    return Finding(what="Python", found=found, ok=ok, mend="" if ok else "Install Python 3.11.")
+
+
+def _processor() -> Finding:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    ok = (cores or 1) >= 2
+    mend = "" if ok else "Give it two cores: the loop and the drawing each want one."
+    return Finding(what="Processor", found=f"{cores} cores, {cpu_model()}", ok=ok, mend=mend)
+
+
+def _disk(folder: Path) -> Finding:
+    try:
+        free_gb = shutil.disk_usage(folder).free / 1e9
+    except OSError as error:
+        return Finding(
+            what="Disk",
+            found=f"{folder}: {error.strerror}",
+            ok=False,
+            mend="Name an existing folder with --folder.",
+        )
+    ok = free_gb >= MIN_FREE_GB
+    mend = "" if ok else f"Free {MIN_FREE_GB:g} GB: a full disk stops a session."
+    return Finding(what="Disk", found=f"{free_gb:.1f} GB free", ok=ok, mend=mend)
+
+
+def _versions() -> list[Finding]:
+    shown = [name for name in versions() if name not in ("python", "cpu", "platform")]
+    found = ", ".join(f"{name} {versions()[name]}" for name in shown)
+    return [Finding(what="Versions", found=found, ok=True)]
+
+
+def _camera() -> list[Finding]:
+    from steerlab.sim.engine.camera import Camera, CameraConfig
+    from steerlab.sim.engine.driving import Driving
+    from steerlab.sim.engine.gl import INSTALL_HINT
+    from steerlab.sim.world_generator import generate_world
+
+    backend = os.environ.get("MUJOCO_GL", "none")
+    with Driving(generate_world("doctor", np.random.default_rng(0))) as driving:
+        findings: list[Finding] = []
+        for config in (CameraConfig(), CameraConfig(width=960, height=540)):
+            what = f"Camera {config.width} x {config.height}"
+            try:
+                with Camera(driving.model, driving.data, config) as camera:
+                    frame_ms = _ms_per_call(camera.frame)
+            except NoRenderer as error:
+                return [Finding(what="OpenGL", found=str(error), ok=False, mend=INSTALL_HINT)]
+            ok = frame_ms <= MAX_FRAME_MS
+            mend = "" if ok else "Use a smaller picture, or a machine with a graphics driver."
+            findings.append(Finding(what=what, found=f"{frame_ms:.1f} ms", ok=ok, mend=mend))
+        step_us = 1e3 * _ms_per_call(lambda: driving.step(0.0))
+    return [
+        Finding(what="OpenGL", found=backend, ok=True),
+        *findings,
+        Finding(what="Physics", found=f"{step_us:.0f} µs per control step", ok=True),
+    ]
+
+
+def _ms_per_call(call, calls: int = 60) -> float:
+    call()
+    started = perf_counter()
+    for _ in range(calls):
+        call()
+    return 1e3 * (perf_counter() - started) / calls

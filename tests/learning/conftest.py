@@ -1,0 +1,111 @@
+"""Small rollouts with oracle-like labels, people who label them, and one trained mapper."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from steerlab.learning.mapper import MindMeldMapper
+from steerlab.learning.presets import MapperConfig
+from steerlab.learning.series import LabelSeries
+from steerlab.learning.splits import StudySplit, split_rollouts, split_study
+from steerlab.learning.training import TrainingConfig
+from steerlab.sim.geometry import Pose2D
+from steerlab.sim.populations import sample_population
+from steerlab.sim.rollout import Outcome, Rollout
+from steerlab.sim.scripted_teacher import ScriptedTeacher
+from steerlab.sim.vehicle import WHEEL_LIMIT
+from steerlab.sim.world import WorldSpec
+
+CONTROL_HZ = 20.0
+QUICK = MapperConfig(training=TrainingConfig(epochs=40, share_per_epoch=0.3, batch_size=256))
+
+LabelPeople = Callable[[Sequence[ScriptedTeacher], Sequence[Rollout]], list[LabelSeries]]
+
+
+def _oracle_like(rng: np.random.Generator, steps: int) -> np.ndarray:
+    """Kicks that decay within a second, smoothed, and a slow wander: about 5 % saturated."""
+    step_s = 1.0 / CONTROL_HZ
+    kicked = np.zeros(steps)
+    level, smooth = 0.0, 0.0
+    for step in range(steps):
+        if rng.random() < 0.5 * step_s:
+            level += rng.normal(0.0, 1.6)
+        level *= np.exp(-step_s / 0.9)
+        smooth += step_s / 0.15 * (level - smooth)
+        kicked[step] = smooth
+    wander = np.convolve(rng.normal(0.0, 1.0, steps + 20), np.hanning(21) / 4.0, "valid")
+    return np.clip(1.8 * kicked + 0.3 * wander, -WHEEL_LIMIT, WHEEL_LIMIT)
+
+
+def _rollout(name: str, label: np.ndarray) -> Rollout:
+    steps = len(label)
+    return Rollout(
+        name=name,
+        world=WorldSpec(name="flat", ball_xy_m=(40.0, 0.0), start=Pose2D(0.0, 0.0, 0.0)),
+        control_hz=CONTROL_HZ,
+        seed=0,
+        outcome=Outcome.TIME_LIMIT,
+        t_s=np.arange(steps) / CONTROL_HZ,
+        pose=np.zeros((steps, 3)),
+        velocity=np.zeros((steps, 3)),
+        acceleration=np.zeros((steps, 2)),
+        robot_wheel=np.zeros(steps),
+        oracle_label=label,
+        oracle_valid=np.isfinite(label),
+        physics_state=np.zeros((steps, 1)),
+    )
+
+
+@pytest.fixture(scope="session")
+def rollouts() -> tuple[Rollout, ...]:
+    rng = np.random.default_rng(11)
+    return tuple(_rollout(f"r{index:02d}", _oracle_like(rng, 200)) for index in range(8))
+
+
+@pytest.fixture(scope="session")
+def label_people() -> LabelPeople:
+    def label(teachers: Sequence[ScriptedTeacher], rollouts: Sequence[Rollout]):
+        return [
+            LabelSeries(
+                person=teacher.name,
+                rollout=rollout.name,
+                rate_hz=rollout.control_hz,
+                label=teacher.respond(rollout, order=order, attempt=0),
+                truth=rollout.oracle_label,
+                valid=rollout.oracle_valid,
+            )
+            for teacher in teachers
+            for order, rollout in enumerate(rollouts)
+        ]
+
+    return label
+
+
+@pytest.fixture(scope="session")
+def people() -> dict[str, list[ScriptedTeacher]]:
+    return {
+        "seen": sample_population("low", 12, 101, prefix="seen"),
+        "new": sample_population("low", 6, 101, prefix="new"),
+    }
+
+
+@pytest.fixture(scope="session")
+def study(rollouts, label_people, people) -> StudySplit:
+    series = label_people(people["seen"] + people["new"], rollouts)
+    names = [rollout.name for rollout in rollouts]
+    return split_study(series, split_rollouts(names), [one.name for one in people["new"]])
+
+
+@pytest.fixture(scope="session")
+def quick_config() -> MapperConfig:
+    return QUICK
+
+
+@pytest.fixture(scope="session")
+def trained(study: StudySplit) -> MindMeldMapper:
+    """Fitted on the seen people and calibrated on the new ones; treat as read-only."""
+    mapper = MindMeldMapper(QUICK, seed=5)
+    mapper.fit(study.train_seen)
+    mapper.calibrate(study.calibrate_new)
+    return mapper
