@@ -49,16 +49,14 @@ class WindowEncoder(nn.Module):
         _, (future, _) = self.backward_lstm(inputs[:, centre:].flip(1))
         return self.to_encoding(torch.cat([past[0], future[0]], dim=1))
 
-    def full_pass(self, inputs: Tensor) -> Tensor:
-        """The same by an ordinary bidirectional LSTM over the whole window; for checks."""
-        both = nn.LSTM(
-            CHANNELS, self.forward_lstm.hidden_size, batch_first=True, bidirectional=True
-        )
-        weights = dict(self.forward_lstm.state_dict())
+    def bidirectional(self) -> nn.LSTM:
+        """An ordinary bidirectional LSTM with these weights; for checks and benchmarks."""
+        size = self.forward_lstm.hidden_size
+        both = nn.LSTM(CHANNELS, size, batch_first=True, bidirectional=True)
         reverse = self.backward_lstm.state_dict()
-        both.load_state_dict({**weights, **{f"{key}_reverse": reverse[key] for key in reverse}})
-        states, _ = both(inputs)
-        return self.to_encoding(states[:, inputs.shape[1] // 2])
+        weights = {f"{name}_reverse": value for name, value in reverse.items()}
+        both.load_state_dict({**self.forward_lstm.state_dict(), **weights})
+        return both
 
 
 class DifferenceNetwork(nn.Module):
@@ -104,7 +102,7 @@ class InferenceNetwork(nn.Module):
         return mean, log_sigma.clamp(*LOG_SIGMA_RANGE)
 
     def mean_with_derivative(self, encoding: Tensor, difference: Tensor) -> tuple[Tensor, Tensor]:
-        """mu and its derivative by the difference: (batch, d) each."""
+        """The mean and its derivative by the difference: (batch, d) each."""
         value = torch.cat([encoding, difference[:, None]], dim=1)
         slope = torch.zeros_like(value)
         slope[:, -1] = 1.0

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import spearmanr
+from scipy.stats import rankdata
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.sim.rollout import FloatArray
@@ -72,7 +72,7 @@ class StyleProbe:
         """Rank correlation of predicted and true parameters on new people."""
         predicted = self.predict(embeddings)
         return {
-            name: float(spearmanr(predicted[name], styles[name]).statistic)
+            name: float(np.corrcoef(rankdata(predicted[name]), rankdata(styles[name]))[0, 1])
             for name in self.parameters
         }
 

@@ -34,6 +34,7 @@ class TrainingConfig:
     batch_size: int = 512
     rate: float = 1e-2
     embedding_rate_factor: float = EMBEDDING_RATE_FACTOR
+    embedding_std: float = 1.0
     embedding_loss_weight: float = EMBEDDING_LOSS_WEIGHT
     share_per_epoch: float = 0.25
     cosine: bool = True
@@ -149,7 +150,8 @@ def train(
     generator = torch.Generator().manual_seed(seed)
     network = MindMeld(network_config, generator)
     shape = (len(windows.people), network_config.embedding_size)
-    embeddings = torch.randn(shape, generator=generator).requires_grad_()
+    embeddings = config.embedding_std * torch.randn(shape, generator=generator)
+    embeddings.requires_grad_()
     optimizer = torch.optim.Adam(
         [
             {"params": list(network.parameters()), "lr": config.rate},

@@ -105,10 +105,14 @@ def embedding_figure(
             bar.ax.xaxis.set_minor_locator(NullLocator())
             bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.2g}"))
     panels[0].set_ylabel("w along its delay direction")
-    key = panels[0].legend(
-        fontsize=SMALL_PT, frameon=True, edgecolor="none", facecolor=PAPER, loc="best"
+    key = figure.legend(
+        *panels[0].get_legend_handles_labels(),
+        loc="outside upper right",
+        ncols=2,
+        fontsize=SMALL_PT,
+        frameon=False,
     )
-    for handle in key.legend_handles:
+    for handle in filter(None, key.legend_handles):
         handle.set(array=None, facecolor=PAPER)  # its marker tells, not its colour
     return figure
 

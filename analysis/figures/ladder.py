@@ -34,9 +34,9 @@ _NAMES = {
     "person_gain_lag": "a gain and lag per person",
     "person_ridge": "a linear window per person",
     "no_embedding": "network without embedding",
-    "mean_embedding": "MIND MELD, mean embedding",
-    "shuffled_embedding": "MIND MELD, shuffled embeddings",
-    "shuffled_embeddings": "MIND MELD, shuffled embeddings",
+    "mean_embedding": "MIND MELD with one embedding for all",
+    "shuffled_embedding": "MIND MELD with shuffled embeddings",
+    "shuffled_embeddings": "MIND MELD with shuffled embeddings",
     "mind_meld": "MIND MELD",
     "oracle_style": "true style known (ceiling)",
 }

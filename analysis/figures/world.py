@@ -28,6 +28,8 @@ from steerlab.sim.world import BALL_RADIUS_M, WorldSpec
 _MAP_IN = 4.4
 _LETTER_IN = 0.082  # mean width of a letter at TEXT_PT
 _LINE_IN = 0.17
+_MARGIN_M = 10.0  # of ground around the drive, the ball and the paths
+_LEAST_HALF_M = 25.0
 
 
 def world_figure(
@@ -56,8 +58,9 @@ def world_figure(
     else:
         above, camera = figure.subplots(1, 2, width_ratios=(1.0, 0.92))
         _draw_camera(camera, camera_rgb, camera_label)
-    extent_m = world.half_extent_m
-    above.set(xlim=(-extent_m, extent_m), ylim=(-extent_m, extent_m), aspect="equal")
+    centre, half_m = _window(world, pose, oracle_paths)
+    (left, bottom), (right, top) = centre - half_m, centre + half_m
+    above.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
     above.set(xlabel="x (m)", ylabel="y (m)")
     quiet(above)
     for block in world.blocks:
@@ -74,6 +77,18 @@ def world_figure(
     )
     _write_labels(above, world, pose, oracle_paths)
     return figure
+
+
+def _window(
+    world: WorldSpec, pose: FloatArray, oracle_paths: Sequence[tuple[FloatArray, str]]
+) -> tuple[FloatArray, float]:
+    """Centre and half side of the square that holds the drive, the ball and the paths."""
+    shown = np.vstack([pose[:, :2], world.ball_xy_m, *(points for points, _ in oracle_paths)])
+    low, high = shown.min(axis=0), shown.max(axis=0)
+    half_m = float((high - low).max()) / 2.0 + _MARGIN_M
+    half_m = min(max(half_m, _LEAST_HALF_M), world.half_extent_m)
+    reach_m = world.half_extent_m - half_m
+    return np.clip((low + high) / 2.0, -reach_m, reach_m), half_m
 
 
 def _draw_car(axes: Axes, pose: FloatArray, car: CarConfig) -> None:
@@ -102,20 +117,22 @@ def _write_labels(
     pose: FloatArray,
     oracle_paths: Sequence[tuple[FloatArray, str]],
 ) -> None:
-    metres_per_inch = 2.0 * world.half_extent_m / (0.84 * _MAP_IN)
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    metres_per_inch = (right - left) / (0.84 * _MAP_IN)
     line_m = _LINE_IN * metres_per_inch
     drive = pose[:, :2]
     taken = np.vstack([drive, *(_dense(points) for points, _ in oracle_paths), *_outlines(world)])
     ball = np.array(world.ball_xy_m)
     for text, colour, anchors, off_m in (
-        *((label, VERMILLION, _dense(points), 0.0) for points, label in oracle_paths),
+        *((label, VERMILLION, _beginning(points), 0.0) for points, label in oracle_paths),
         ("rollout", BLUE, drive, 0.0),
         ("ball", GREEN, ball[None], BALL_RADIUS_M),
         ("start", BLUE, drive[:1], 2.0),
     ):
         width_m = _LETTER_IN * len(text) * metres_per_inch
-        limit_m = world.half_extent_m - np.array((width_m, line_m)) / 2.0
-        spots = np.clip(_spots(anchors, width_m, line_m, off_m), -limit_m, limit_m)
+        half_box = np.array((width_m, line_m)) / 2.0
+        least, most = np.array((left, bottom)) + half_box, np.array((right, top)) - half_box
+        spots = np.clip(_spots(anchors, width_m, line_m, off_m), least, most)
         spot = spots[clearest_spot(spots, (width_m, line_m), taken)]
         axes.text(
             spot[0],
@@ -136,12 +153,18 @@ def _write_labels(
 def _spots(anchors: FloatArray, width_m: float, line_m: float, off_m: float) -> FloatArray:
     """Label centres just beside a line or a thing, not at a line's very ends."""
     if len(anchors) > 2:
-        at = np.linspace(0.12, 0.88, 24) * (len(anchors) - 1)
+        at = np.linspace(0.05, 0.9, 24) * (len(anchors) - 1)
         anchors = anchors[at.astype(int)]
     angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
     reach = np.array((width_m / 2.0 + off_m + 0.8, line_m / 2.0 + off_m + 0.8))
     around = np.column_stack([np.cos(angles), np.sin(angles)]) * reach
     return (anchors[:, None, :] + around).reshape(-1, 2)
+
+
+def _beginning(points: FloatArray) -> FloatArray:
+    """Where the path leaves the rollout: near the ball all paths run together."""
+    dense = _dense(points)
+    return dense[: max(3, len(dense) // 3)]
 
 
 def _dense(points: FloatArray, spacing_m: float = 1.0) -> FloatArray:

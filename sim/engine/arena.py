@@ -28,7 +28,8 @@ class Ground(composer.Arena):
         root.statistic.center = (0, 0, 0)
         root.statistic.extent = 50.0
         quality = root.visual.quality
-        quality.shadowsize, quality.numslices, quality.numstacks = 0, 20, 12
+        quality.shadowsize = 0
+        quality.numslices, quality.numstacks, quality.numquads = 20, 12, 1
         clip = root.visual.map
         clip.znear, clip.zfar = 0.005, 10.0  # times the extent: 0.25 m to 500 m
         root.visual.headlight.set_attributes(

@@ -1,7 +1,5 @@
 """``Planner``: the ground truth of one world, ready for thousands of questions."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +20,7 @@ from steerlab.sim.ground_truth.dubins_tree import PoseTree, goal_poses, grow_pos
 from steerlab.sim.ground_truth.footprint import collision
 from steerlab.sim.ground_truth.label_path import RAMP_M, TOUCH_M, Task
 from steerlab.sim.ground_truth.labeller import Labeller
+from steerlab.sim.ground_truth.oracle_labels import OracleLabels
 from steerlab.sim.ground_truth.path import Path
 from steerlab.sim.ground_truth.route import Route, route_map
 from steerlab.sim.ground_truth.rrt_star import PointTree, cost_to_go, grow_point_tree
@@ -37,21 +36,6 @@ JOIN_M = 40.0  # how far a committed path may go before it meets the tree
 QUERY_M = 4.0  # within which nodes are asked for the cost-to-go
 DRIVE_MARGIN_M = 0.1  # a start is accepted only if its simulated drive keeps this to spare
 DRIVE_SPARE_TIME = 1.5  # times the path's length at cruise speed
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class OracleLabels:
-    """Ground truth of one rollout.
-
-    Attributes:
-        wheel: (steps,) label ``o`` in [-2.5, 2.5]; NaN where not valid.
-        valid: (steps,) False where no path exists.
-        reason: why not, one entry a step; None where valid.
-    """
-
-    wheel: FloatArray
-    valid: NDArray[np.bool_]
-    reason: tuple[str | None, ...]
 
 
 class Planner:

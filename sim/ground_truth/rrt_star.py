@@ -64,12 +64,12 @@ def grow_point_tree(
         space, np.array(goal_xy_m), samples, corners, area_m2, half_extent_m
     )
     points, cost_m, parent = points[:count], cost_m[:count], parent[:count]
+    turning = np.concatenate(([0], np.arange(first_corner, count)))
     for _ in range(STRING_PULLS):
-        _pull_strings(space, points, cost_m, parent)
+        _pull_strings(space, points, cost_m, parent, turning)
     buckets = empty_buckets(count, half_extent_m, BUCKET_M)
     for node in range(count):
         bucket_add(buckets, node, points[node, 0], points[node, 1])
-    turning = np.concatenate(([0], np.arange(first_corner, count)))
     return PointTree(points, cost_m, parent, turning, buckets)
 
 
@@ -166,8 +166,14 @@ def _grow(
 
 
 @njit(cache=True)
-def _pull_strings(space: FreeSpace, points: FloatArray, cost: FloatArray, parent: IntArray) -> None:
-    """From the ball outwards, link each node to the farthest forebear it sees along its path."""
+def _pull_strings(
+    space: FreeSpace, points: FloatArray, cost: FloatArray, parent: IntArray, corners: IntArray
+) -> None:
+    """From the ball outwards, link each node to the farthest forebear it sees along its path.
+
+    A corner is rewired with the whole world for its neighbourhood: random nodes beside it would
+    otherwise stay in the way of far ones.
+    """
     for node in np.argsort(cost, kind="mergesort"):
         if node == 0:
             continue
@@ -177,8 +183,14 @@ def _pull_strings(space: FreeSpace, points: FloatArray, cost: FloatArray, parent
         while above >= 0 and segment_free(space, x, y, points[above, 0], points[above, 1]):
             chosen = above
             above = parent[chosen]
-        parent[node] = chosen
-        cost[node] = cost[chosen] + np.hypot(points[chosen, 0] - x, points[chosen, 1] - y)
+        best = cost[chosen] + np.hypot(points[chosen, 0] - x, points[chosen, 1] - y)
+        for corner in corners:
+            total = cost[corner] + np.hypot(points[corner, 0] - x, points[corner, 1] - y)
+            if total < best - 1e-9 and segment_free(
+                space, x, y, points[corner, 0], points[corner, 1]
+            ):
+                chosen, best = corner, total
+        parent[node], cost[node] = chosen, best
 
 
 @njit(cache=True)

@@ -205,3 +205,13 @@ def test_the_same_figure_gives_the_same_svg(arrays):
     assert svg_text(first) == svg_text(second) == svg_text(first)
     assert "<dc:date>" not in svg_text(first)
     assert svg_data_uri(first).startswith("data:image/svg+xml;base64,")
+
+
+def test_the_map_shows_the_drive_and_some_ground_around_it(arrays):
+    short = arrays.pose[:20]
+    world = WorldSpec(name="w", ball_xy_m=(-30.0, -20.0), start=Pose2D(-36.0, -30.0, 0.9))
+    (axes,) = world_figure(world, short).axes
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    assert right - left == top - bottom == 50.0
+    assert left == -50.0  # never beyond the ground
+    assert bottom >= -50.0

@@ -2,11 +2,9 @@
 
 import base64
 import re
-import tomllib
 from collections import Counter
 from dataclasses import replace
 from html.parser import HTMLParser
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -260,11 +258,3 @@ def test_label_errors_leave_out_steps_without_truth():
             mapped=np.array([1.0]),
             truth=np.array([nan]),
         )
-
-
-def test_the_template_is_packaged():
-    root = Path(__file__).parents[2]
-    tool = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["setuptools"]
-    assert "templates/*.j2" in tool["package-data"]["*"]
-    assert "steerlab.analysis.figures" in tool["packages"]
-    assert (root / "analysis/templates/simulation.html.j2").is_file()

@@ -42,7 +42,9 @@ def test_round_trip_is_bit_exact(trained, study, path):
     for one in (*study.held_out_seen[:3], *study.held_out_new[:3]):
         assert (loaded.map(one) == trained.map(one)).all()
     again = loaded.network.state_dict()
-    assert all(torch.equal(value, again[name]) for name, value in trained.network.state_dict().items())
+    assert all(
+        torch.equal(value, again[name]) for name, value in trained.network.state_dict().items()
+    )
 
 
 def test_a_loaded_mapper_calibrates_new_people_the_same(trained, study, path):

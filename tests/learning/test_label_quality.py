@@ -58,7 +58,9 @@ def test_a_faultless_person_made_worse_counts_against():
 
 @given(scale=st.floats(0.1, 100.0))
 def test_units_do_not_matter(scale: float):
-    changed = {name: values if name == "person" else values * scale for name, values in ARRAYS.items()}
+    changed = {
+        name: values if name == "person" else values * scale for name, values in ARRAYS.items()
+    }
     first, second = label_quality(**ARRAYS, rng=rng()), label_quality(**changed, rng=rng())
     assert second.improvement == pytest.approx(first.improvement)
     assert second.ci95 == pytest.approx(first.ci95)

@@ -77,7 +77,12 @@ def test_someone_without_a_valid_label_is_named(study):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("epochs", 0), ("rate", float("nan")), ("share_per_epoch", 1.5), ("embedding_loss_weight", -1)],
+    [
+        ("epochs", 0),
+        ("rate", float("nan")),
+        ("share_per_epoch", 1.5),
+        ("embedding_loss_weight", -1),
+    ],
 )
 def test_impossible_settings_are_refused(name, value):
     with pytest.raises(InvalidConfig, match=name):

@@ -1,0 +1,43 @@
+# steerlab: every target sets up .venv by itself. Another Python: make PYTHON=/path/to/python demo
+PYTHON ?= python3
+export PYTHON
+BIN := .venv/bin
+SETUP := pyproject.toml constraints.txt tools/setup.sh
+
+.PHONY: help demo test check bench build clean
+
+help:
+	@echo "make demo    set everything up and run a small simulated study; ends in a report"
+	@echo "make test    set everything up and run the tests"
+	@echo "make check   lint, format, types, layering"
+	@echo "make bench   speed and accuracy against their limits"
+	@echo "make build   wheel and sdist, the wheel tried in an environment of its own"
+
+demo: .venv/.steerlab-run
+	$(BIN)/steerlab demo --out steerlab-demo --force
+
+test: .venv/.steerlab-dev
+	$(BIN)/python -m pytest -n 2 -q
+
+check: .venv/.steerlab-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/basedpyright --warnings
+	$(BIN)/python -m pytest -q tests/test_layering.py
+
+bench: .venv/.steerlab-dev
+	$(BIN)/python -m benchmarks.run
+
+build: .venv/.steerlab-dev
+	rm -rf dist build
+	$(BIN)/python -m build --outdir dist .
+	tools/try-wheel.sh
+
+clean:
+	rm -rf .venv build dist steerlab-demo *.egg-info .pytest_cache .ruff_cache .hypothesis
+
+.venv/.steerlab-run: $(SETUP)
+	@tools/setup.sh run
+
+.venv/.steerlab-dev: $(SETUP)
+	@tools/setup.sh dev

@@ -1,0 +1,47 @@
+"""Every benchmark in one run: ``make bench`` or ``python -m benchmarks.run [--quality] [NAME ...]``.
+
+Prints a row a figure and exits with 1 if a limit is missed. ``--quality`` adds the three studies
+of 34 + 34 teachers whose improvement the README reports; they take minutes.
+"""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks import commands, ground_truth, mapper, simulation, store
+
+Row = dict[str, Any]
+
+BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
+    "simulation": simulation.run,
+    "ground_truth": ground_truth.run,
+    "mapper": mapper.run,
+    "store": store.run,
+    "commands": commands.run,
+}
+
+
+def main(arguments: list[str]) -> int:
+    """Run the named benchmarks, or all of them."""
+    chosen = [name for name in arguments if name != "--quality"] or list(BENCHMARKS)
+    unknown = sorted(set(chosen) - set(BENCHMARKS))
+    if unknown:
+        print(f"No benchmark {', '.join(unknown)}; choose from {', '.join(BENCHMARKS)}.")
+        return 2
+    rows = [(name, row) for name in chosen for row in BENCHMARKS[name]()]
+    if "--quality" in arguments:
+        rows += [("quality", row) for row in mapper.quality()]
+    table = Table("benchmark", "figure", "measured", "limit", "unit", "")
+    for name, row in rows:
+        verdict = "[green]ok[/]" if row["ok"] else "[red]MISSED[/]"
+        measured, limit = f"{row['measured']:.4g}", f"{row['limit']:.4g}"
+        table.add_row(name, row["name"], measured, limit, row["unit"], verdict)
+    Console(width=None if sys.stdout.isatty() else 130).print(table)
+    return 0 if all(row["ok"] for _, row in rows) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

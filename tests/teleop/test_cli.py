@@ -1,0 +1,137 @@
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from steerlab.sim import calibration_set
+from steerlab.sim.engine import camera
+from steerlab.sim.errors import NoRenderer
+from steerlab.teleop import cli, simulate
+from steerlab.teleop.cli import VERBS, main
+
+SMALL = ["--teachers", "7", "--new-teachers", "2", "--rollouts", "4"]
+
+
+def _refused(capsys, *arguments: str) -> str:
+    """The one sentence of a refusal: exit code 2 and no traceback."""
+    try:
+        code = main(list(arguments))
+    except SystemExit as stop:  # tyro's own, for what is no value at all
+        code = stop.code
+    assert code == 2
+    said = capsys.readouterr().err
+    assert "Traceback" not in said
+    return said
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_has_help_with_an_example(verb, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([verb, "--help"])
+    assert stop.value.code == 0
+    assert f"Example: steerlab {verb}" in " ".join(capsys.readouterr().out.split())
+
+
+def test_no_verb_shows_the_help(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([])
+    assert stop.value.code == 0
+    assert "simulate" in capsys.readouterr().out
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys\nfrom steerlab.teleop.cli import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "print(sorted({'torch','mujoco','numba','numpy','scipy','matplotlib','pyarrow','rich.live'}"
+        " & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--noise", "loud"], "human"),
+        (["--teachers", "0"], "teachers is 0"),
+        (["--new-teachers", "-1"], "new-teachers is -1"),
+        (["--rollouts", "13"], "has 12"),
+        (["--rollouts", "2"], "rollouts is 2"),
+        (["--seed", "-1"], "seed is -1"),
+    ],
+)
+def test_bad_settings_leave_nothing(arguments, said, tmp_path, capsys):
+    assert said in _refused(capsys, "simulate", "--out", str(tmp_path / "out"), *arguments)
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_full_folder_is_not_overwritten(tmp_path, capsys):
+    (tmp_path / "mine").write_text("x")
+    assert "--force" in _refused(capsys, "simulate", "--out", str(tmp_path), *SMALL)
+    assert os.listdir(tmp_path) == ["mine"]
+
+
+def test_an_unwritable_place(capsys):
+    assert "Cannot write" in _refused(capsys, "demo", "--out", "/proc/steerlab/out")
+
+
+def test_no_opengl_is_said_before_anything_runs(tmp_path, capsys, monkeypatch):
+    def refuse(width, height):
+        raise NoRenderer("Cannot draw offscreen. Install a software driver: apt-get install x")
+
+    monkeypatch.setattr(camera, "_open_context", refuse)
+    monkeypatch.setattr(simulate, "run_population", lambda *a: pytest.fail("ran"))
+    assert "Install" in _refused(capsys, "simulate", "--out", str(tmp_path / "out"), *SMALL)
+    assert os.listdir(tmp_path) == []
+
+
+def test_calibration_set_does_not_overwrite(tmp_path, capsys):
+    (tmp_path / "set.parquet").write_text("x")
+    said = _refused(capsys, "calibration-set", "--out", str(tmp_path / "set.parquet"))
+    assert "exists" in said
+
+
+def test_a_damaged_installation_is_said(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(calibration_set, "CALIBRATION_FILE", "missing.parquet")
+    assert "missing.parquet" in _refused(capsys, "simulate", "--out", str(tmp_path / "out"), *SMALL)
+
+
+def test_an_interrupt_leaves_nothing(tmp_path, capsys, monkeypatch):
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulate, "run_population", interrupt)
+    monkeypatch.setattr(simulate, "camera_frame", lambda *a: None)
+    assert main(["simulate", "--out", str(tmp_path / "out"), *SMALL]) == 130
+    assert "stopped" in capsys.readouterr().err
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.render
+def test_doctor_tells_how_to_mend(tmp_path, capsys):
+    assert main(["doctor", "--json", "--folder", str(tmp_path / "absent")]) == 1
+    findings = {one["what"]: one for one in json.loads(capsys.readouterr().out)}
+    assert {"Python", "Disk", "OpenGL", "Camera 64 x 64", "Physics"} <= set(findings)
+    assert not findings["Disk"]["ok"]
+    assert "--folder" in findings["Disk"]["mend"]
+    assert findings["OpenGL"]["ok"]
+
+
+def test_doctor_without_opengl(capsys, monkeypatch):
+    def refuse(width, height):
+        raise NoRenderer("Cannot draw offscreen.")
+
+    monkeypatch.setattr(camera, "_open_context", refuse)
+    assert main(["doctor"]) == 1
+    assert "mend: sudo apt-get install libegl1" in capsys.readouterr().out
+
+
+def test_the_module_runs_as_a_program():
+    done = subprocess.run(
+        [sys.executable, "-m", cli.__name__, "simulate"], capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert "--out" in done.stderr

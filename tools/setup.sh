@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# Make .venv ready: tools/setup.sh run|dev. Called by make; safe to run again.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+kind=${1:-run}
+python=${PYTHON:-python3}
+gl_packages="libegl1 libgl1 libgl1-mesa-dri"
+
+die() { printf '%s\n' "$*" >&2; exit 2; }
+
+# Install Debian packages if that is permitted, else say the command and stop.
+install_packages() { # why, packages...
+  local why=$1; shift
+  local command="apt-get update && apt-get install -y $*"
+  command -v apt-get >/dev/null || die "$why. Install your system's equivalent of: $*"
+  if [ "$(id -u)" = 0 ]; then
+    as_root=""
+  elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then
+    as_root="sudo"
+  else
+    die "$why. Run: sudo sh -c '$command'"
+  fi
+  echo "Installing $* ($why)"
+  $as_root apt-get update -qq && DEBIAN_FRONTEND=noninteractive $as_root apt-get install -y -qq "$@" >/dev/null ||
+    die "$why, and installing failed. Run: sudo sh -c '$command'"
+}
+
+command -v "$python" >/dev/null || die "No $python found; install Python 3.11 or newer, or name one: make PYTHON=/path/to/python"
+version=$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
+  die "steerlab needs Python 3.11 or newer and $python is $version; name a newer one: make PYTHON=/path/to/python"
+
+if [ ! -x .venv/bin/pip ]; then
+  rm -rf .venv
+  "$python" -c 'import ensurepip, venv' 2>/dev/null ||
+    install_packages "Python $version cannot make virtual environments" "python$version-venv"
+  echo "Making .venv"
+  "$python" -m venv .venv
+fi
+
+extras=""
+[ "$kind" = dev ] && extras="[dev]"
+echo "Installing steerlab$extras into .venv (a few minutes the first time)"
+.venv/bin/python -m pip install --quiet --disable-pip-version-check \
+  --constraint constraints.txt --editable ".$extras" ||
+  die "Installing failed; see above. Check the network and the disk (2 GB), then run make again."
+
+gl_works() { .venv/bin/python -c 'from steerlab.sim.engine.gl import choose_gl; raise SystemExit(choose_gl() is None)'; }
+if ! gl_works; then
+  install_packages "No OpenGL driver can draw offscreen" $gl_packages
+  gl_works || die "OpenGL still cannot draw offscreen after installing $gl_packages; run .venv/bin/steerlab doctor"
+fi
+
+touch .venv/.steerlab-run
+[ "$kind" = dev ] && touch .venv/.steerlab-dev
+exit 0
