@@ -21,7 +21,7 @@ from steerlab.sim.vehicle import WHEEL_LIMIT
 from steerlab.sim.world import WorldSpec
 from steerlab.sim.world_generator import generate_world
 
-FIRST_WORLD, WORLDS, STARTS = 100, 10, 25
+FIRST_WORLD, WORLDS, STARTS = 300, 10, 25
 LABEL_EVERY = 2  # control steps: labels at 10 Hz
 FULL_LOCK = 0.999 * WHEEL_LIMIT
 

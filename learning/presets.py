@@ -47,6 +47,7 @@ PAPER = MapperConfig(
     training=TrainingConfig(
         epochs=300,  # the paper does not say; at its rate shorter training has not converged
         rate=1e-3,
+        share_per_epoch=0.25,
         embedding_rate_factor=1.0,
         embedding_loss_weight=1.0,
         cosine=False,

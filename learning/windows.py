@@ -89,14 +89,15 @@ def make_windows(series: Sequence[LabelSeries], config: WindowConfig) -> Windows
     ends = np.cumsum(steps)
     first = np.repeat(ends - steps, steps)[:, None]
     last = np.repeat(ends - 1, steps)[:, None]
-    ratio = np.repeat([one.rate_hz / config.rate_hz for one in series], steps)[:, None]
     label = np.concatenate([one.label for one in series])
 
-    offset = ratio * np.arange(-config.side, config.side + 1)
+    rates, rate_of = np.unique([one.rate_hz for one in series], return_inverse=True)
+    offset = rates[:, None] / config.rate_hz * np.arange(-config.side, config.side + 1)
     offset = np.where(np.abs(offset - np.round(offset)) < 1e-6, np.round(offset), offset)
-    below = np.floor(offset)
-    weight = offset - below
-    lower = np.arange(len(label))[:, None] + below.astype(np.int64)
+    below = np.floor(offset).astype(np.int64)
+    rate_of_row = np.repeat(rate_of, steps)
+    weight = (offset - below)[rate_of_row]
+    lower = np.arange(len(label))[:, None] + below[rate_of_row]
     upper = lower + (weight > 0.0)
     inside = (lower >= first) & (upper <= last)
     lower, upper = np.clip(lower, first, last), np.clip(upper, first, last)

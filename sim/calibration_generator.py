@@ -17,8 +17,10 @@ from steerlab.sim.world_generator import WorldConfig, generate_world
 
 CALIBRATION_SEED = 12
 ROLLOUTS_PER_WORLD = 2
-MAX_TRIES = 1000
+MAX_TRIES = 300  # starts in a world
+MAX_WORLDS = 10
 HARD_TURN_WHEEL = 1.85
+JUMP_WHEEL = 0.7
 WORLDS = WorldConfig(blocks=(20, 30))
 
 
@@ -35,6 +37,7 @@ class CalibrationRules:
     max_hard_missed: float = 0.45  # the same for the styles that drive past the ball and turn back
     start_to_ball_m: tuple[float, float] = (40.0, 58.0)
     max_start_bearing_rad: float = 1.2  # of the ball, so that no rollout starts with a U-turn
+    max_jumps: int = 2  # labels that change by more than JUMP_WHEEL in one step: routes flip
     min_each_side: float = 0.15  # share of steps with a label beyond ±0.15 on either side
     min_mean_error: float = 0.35  # mean |robot wheel - oracle label|
 
@@ -58,6 +61,7 @@ class CalibrationRules:
         return bool(
             hard_share(label) <= (self.max_hard_missed if must_miss else self.max_hard)
             and min(left, right) >= self.min_each_side
+            and (np.abs(np.diff(label)) > JUMP_WHEEL).sum() <= self.max_jumps
             and np.abs(rollout.robot_wheel - label).mean() >= self.min_mean_error
         )
 
@@ -103,48 +107,50 @@ def generate_calibration_set(
         InvalidConfig: a style found no rollout in ``MAX_TRIES`` tries; loosen the rules.
     """
     rules = rules or CalibrationRules()
-    streams = np.random.SeedSequence(seed).spawn(len(STYLES))
     rollouts: list[Rollout] = []
-    for number, stream in enumerate(streams):
-        rollouts += _rollouts_of_world(number, stream, rules)
+    for number, stream in enumerate(np.random.SeedSequence(seed).spawn(len(STYLES))):
+        rollouts += _rollouts_of_a_world(number, stream, rules)
         if on_rollout is not None:
             on_rollout(len(rollouts), len(STYLES) * ROLLOUTS_PER_WORLD)
     return tuple(rollouts)
 
 
-def _rollouts_of_world(
+def _rollouts_of_a_world(
     number: int, stream: np.random.SeedSequence, rules: CalibrationRules
 ) -> list[Rollout]:
-    """Two rollouts in one world: with this world's style, and with the next one."""
-    world_rng, start_rng, drive_stream = (*stream.spawn(2), stream)
-    world = generate_world(f"calibration-{number}", np.random.default_rng(world_rng), WORLDS)
-    planner = Planner(world, seed=number)
-    starts = np.random.default_rng(start_rng)
-    found: list[Rollout] = []
-    with Driving(world) as driving:
-        for attempt in range(MAX_TRIES):
-            style = STYLES[(number + len(found) * 3) % len(STYLES)]
-            rng = np.random.default_rng(drive_stream.spawn(1)[0])
-            (start,) = sample_starts(planner, starts, 1, min_to_ball_m=rules.start_to_ball_m[0])
-            if not rules.accept_start(start, world.ball_xy_m):
-                continue
-            try:
-                rollout = record_rollout(
-                    driving,
-                    Wizard(style, planner, driving.config.control_hz, rng),
-                    planner,
-                    name=f"calibration-{number * ROLLOUTS_PER_WORLD + len(found):02d}",
-                    seed=attempt,
-                    start=start,
-                    max_steps=rules.steps[1],
+    """Two rollouts in one world; a world that gives them in no try is replaced by another."""
+    for world_stream in stream.spawn(MAX_WORLDS):
+        world_rng, start_rng, wizard_rng = map(np.random.default_rng, world_stream.spawn(3))
+        world = generate_world(f"calibration-{number}", world_rng, WORLDS)
+        planner = Planner(world, seed=number)
+        found: list[Rollout] = []
+        with Driving(world) as driving:
+            for attempt in range(MAX_TRIES):
+                style = STYLES[(number + len(found) * 3) % len(STYLES)]
+                name = f"calibration-{number * ROLLOUTS_PER_WORLD + len(found):02d}"
+                (start,) = sample_starts(
+                    planner, start_rng, 1, min_to_ball_m=rules.start_to_ball_m[0]
                 )
-            except NoPath:  # drove itself into a dead end: not a rollout to show
-                continue
-            if rules.accept(rollout, must_miss=style.decoy == "ball"):
-                found.append(rollout)
-            if len(found) == ROLLOUTS_PER_WORLD:
-                return found
+                if not rules.accept_start(start, world.ball_xy_m):
+                    continue
+                wizard = Wizard(style, planner, driving.config.control_hz, wizard_rng)
+                try:
+                    rollout = record_rollout(
+                        driving,
+                        wizard,
+                        planner,
+                        name=name,
+                        seed=attempt,
+                        start=start,
+                        max_steps=rules.steps[1],
+                    )
+                except NoPath:  # drove itself into a dead end: not a rollout to show
+                    continue
+                if rules.accept(rollout, must_miss=style.decoy == "ball"):
+                    found.append(rollout)
+                if len(found) == ROLLOUTS_PER_WORLD:
+                    return found
     raise InvalidConfig(
-        f"World {world.name!r}: {len(found)} of {ROLLOUTS_PER_WORLD} rollouts kept the rules in "
-        f"{MAX_TRIES} tries; loosen CalibrationRules or take another seed."
+        f"No {MAX_TRIES} starts in {MAX_WORLDS} worlds gave {ROLLOUTS_PER_WORLD} rollouts that "
+        f"keep the rules for place {number}; loosen CalibrationRules or take another seed."
     )

@@ -18,7 +18,7 @@ from steerlab.sim.vehicle import WHEEL_LIMIT
 DECOY_GAIN = 2.5  # wheel per radian of heading error towards the decoy
 DECOY_WHEEL_LIMIT = 1.6  # a mistaken policy still turns gently
 LOOK_AHEAD_M = 45.0  # blocks further off are no decoys
-MISS_BY_M = (6.0, 11.0)  # how far beside the ball it aims when it misses
+MISS_BY_M = (9.0, 13.0)  # how far beside the ball it aims when it misses: outside its turning circle
 MISS_BEYOND_M = 15.0
 CHANGE_OF_MIND_S = 0.25  # time constant of going from one aim to another
 
@@ -99,7 +99,7 @@ class Wizard:
 
     def _passed(self, state: DrivingState) -> bool:
         """Whether the ball lies behind: then even this policy sees that it missed."""
-        return abs(bearing_rad(state.pose, self._planner.world.ball_xy_m)) > 1.8
+        return abs(bearing_rad(state.pose, self._planner.world.ball_xy_m)) > 1.5
 
     def _pick(self, pose: Pose2D) -> tuple[float, float] | None:
         """A point near the ball, or the edge of a block ahead; None if no block is ahead."""

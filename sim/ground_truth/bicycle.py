@@ -81,7 +81,7 @@ def drive(
 
 
 @njit(cache=True)
-def can_follow(
+def spare_following(
     points: FloatArray,
     heading: FloatArray,
     pose: tuple[float, float, float],
@@ -92,15 +92,21 @@ def can_follow(
     body: Body,
     steering: Steering,
     keep: Keep,
-) -> bool:
-    """Whether a car whose wheels already stand as Stanley asks touches nothing for a while.
+) -> float:
+    """Least room to spare on a path; -1 m if the car touches something.
 
-    At standstill it is asked for a walking pace: what lies ahead matters there too.
+    A car that gets by only if its wheels already stand as Stanley asks has no room to spare. At
+    standstill it is asked for a walking pace: what lies ahead matters there too.
     """
     speed_mps = max(speed_mps, LEAST_SPEED_MPS)
+    outcome, _, spare_m = drive(
+        points, heading, pose, 0.0, speed_mps, seconds, ball, grid, body, steering, keep
+    )
+    if outcome != TOUCHED:
+        return spare_m
     x, y, bearing = pose
     steered_rad, _ = stanley_rad(points, heading, 0, x, y, bearing, speed_mps, steering)
     outcome, _, _ = drive(
         points, heading, pose, steered_rad, speed_mps, seconds, ball, grid, body, steering, keep
     )
-    return outcome != TOUCHED
+    return -1.0 if outcome == TOUCHED else 0.0

@@ -96,7 +96,7 @@ def grow_pose_tree(
     The edges turn at ``radius_m``, and the discs' centres keep ``needed_m`` along them.
     """
     samples = np.empty((0, 3))
-    for _ in range(MAX_DRAWS):
+    for _ in range(MAX_DRAWS if len(goals) else 0):
         xy = rng.uniform(-grid.half_extent_m, grid.half_extent_m, size=(nodes, 2))
         guided = rng.random(nodes) < GUIDED_SHARE
         noise = rng.normal(0.0, GUIDED_SPREAD_RAD, size=nodes)

@@ -4,11 +4,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from steerlab.sim.ground_truth.bicycle import can_follow
+from steerlab.sim.ground_truth.bicycle import spare_following
 from steerlab.sim.ground_truth.committed_path import chain_to_ball, curve
 from steerlab.sim.ground_truth.distance_grid import Keep, clearance_at
 from steerlab.sim.ground_truth.dubins_tree import PoseTree, join_tree
-from steerlab.sim.ground_truth.label_path import MAX_POINTS, RAMP_M, TOUCH_M, Task, turn_and_go
+from steerlab.sim.ground_truth.label_path import MAX_POINTS, TOUCH_M, turn_and_go
+from steerlab.sim.ground_truth.label_task import RAMP_M, Task, verified
 from steerlab.sim.ground_truth.route import ANY_ROUTE, UNKNOWN_CORNER, Route
 from steerlab.sim.ground_truth.rrt_star import PointTree, points_within
 
@@ -86,10 +87,11 @@ class Labeller:
                 continue
             chain = chain_to_ball(self._pose_tree, start, node)
             points, heading = curve(chain, radius_m, task.radii_m[0], task.ball, task.path_step_m)
-            if can_follow(
+            spare_m = spare_following(
                 points, heading, pose, speed_mps, task.verify_s, task.ball,
-                grid, body, task.steering, Keep(start_m, body.radius_m, RAMP_M),
-            ):  # fmt: skip
+                grid, body, task.steering, verified(body, start_m),
+            )  # fmt: skip
+            if spare_m >= 0.0:
                 self.points, self.heading = points, heading
                 return Route(_first_turn(heading), UNKNOWN_CORNER)
         return None

@@ -18,7 +18,8 @@ from steerlab.sim.ground_truth.distance_grid import (
 )
 from steerlab.sim.ground_truth.dubins_tree import PoseTree, goal_poses, grow_pose_tree, join_tree
 from steerlab.sim.ground_truth.footprint import collision
-from steerlab.sim.ground_truth.label_path import RAMP_M, TOUCH_M, Task
+from steerlab.sim.ground_truth.label_path import TOUCH_M
+from steerlab.sim.ground_truth.label_task import RAMP_M, Task
 from steerlab.sim.ground_truth.labeller import Labeller
 from steerlab.sim.ground_truth.oracle_labels import OracleLabels
 from steerlab.sim.ground_truth.path import Path
@@ -31,7 +32,7 @@ from steerlab.sim.world import WorldSpec
 FloatArray = NDArray[np.float64]
 
 TIGHT_RADIUS_SHARE = 1.15  # of the least turning radius: what a label may use at need
-TIGHT_EXTRA_M = 3.0  # detour that is rather driven than a tight turn
+TIGHT_EXTRA_M = 8.0  # detour that is rather driven than a tight turn
 JOIN_M = 40.0  # how far a committed path may go before it meets the tree
 QUERY_M = 4.0  # within which nodes are asked for the cost-to-go
 DRIVE_MARGIN_M = 0.1  # a start is accepted only if its simulated drive keeps this to spare

@@ -78,7 +78,7 @@ def project(
             if off_x * off_x + off_y * off_y < best:
                 best, segment, share = off_x * off_x + off_y * off_y, i, along
         travelled += np.sqrt(squared)
-        if travelled > SEARCH_M:
+        if travelled > SEARCH_M and i > first:
             break
     dx = points[segment + 1, 0] - points[segment, 0]
     dy = points[segment + 1, 1] - points[segment, 1]

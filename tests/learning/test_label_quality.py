@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steerlab.learning.baselines import IdentityMapper
@@ -56,6 +56,7 @@ def test_a_faultless_person_made_worse_counts_against():
     assert quality.improvement == pytest.approx(1 - 2.5 / 4)
 
 
+@settings(deadline=None)
 @given(scale=st.floats(0.1, 100.0))
 def test_units_do_not_matter(scale: float):
     changed = {

@@ -158,3 +158,14 @@ def test_calibration_leaves_the_seen_people_alone(trained, study):
     seen = study.held_out_seen[0].person
     assert len(trained.embedding(seen)) == 4
     assert len(trained.history) == trained.config.training.epochs
+
+
+def test_same_seed_same_labels_for_seen_and_new_people(study, quick_config):
+    config = replace(quick_config, training=replace(quick_config.training, epochs=2))
+    mapped = []
+    for _ in range(2):
+        mapper = MindMeldMapper(config, seed=1)
+        mapper.fit(study.train_seen[:10])
+        mapper.calibrate(study.calibrate_new[:2])
+        mapped.append([mapper.map(study.train_seen[0]), mapper.map(study.calibrate_new[0])])
+    np.testing.assert_array_equal(mapped[0], mapped[1])

@@ -5,6 +5,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from steerlab.sim import calibration_generator
 from steerlab.sim.calibration_generator import (
     CALIBRATION_SEED,
     STYLES,
@@ -46,6 +47,11 @@ def test_every_step_has_a_label_and_few_are_saturated():
     assert (np.abs(LABELS) > WHEEL_LIMIT - 0.01).mean() <= 0.05
     # Planned turns hold the wheel at a plateau below full lock, which hides as much.
     assert hard_share(LABELS) <= 0.20
+
+
+def test_routes_seldom_flip():
+    """A person can only be judged against a truth that does not change its mind."""
+    assert all((np.abs(np.diff(r.oracle_label)) > 0.7).sum() <= 2 for r in ROLLOUTS)
 
 
 def test_turns_go_to_both_sides():
@@ -98,7 +104,9 @@ def test_the_shipped_set_is_what_the_command_makes():
         np.testing.assert_allclose(made.oracle_label, shipped.oracle_label, atol=1e-6)
 
 
-def test_rules_that_nothing_keeps_are_said():
+def test_rules_that_nothing_keeps_are_said(monkeypatch):
+    monkeypatch.setattr(calibration_generator, "MAX_WORLDS", 1)
+    monkeypatch.setattr(calibration_generator, "MAX_TRIES", 20)
     with pytest.raises(InvalidConfig, match="loosen"):
         generate_calibration_set(0, CalibrationRules(steps=(2, 3)))
 

@@ -116,6 +116,7 @@ def test_a_perfect_teacher_gives_the_oracle():
     np.testing.assert_array_equal(respond(TeacherStyle(), rollout), rollout.oracle_label)
 
 
+@settings(deadline=None)
 @given(gain=st.floats(0.1, 5.0))
 def test_gain_scales_and_saturates(gain: float):
     rollout = waves()
@@ -123,6 +124,7 @@ def test_gain_scales_and_saturates(gain: float):
     np.testing.assert_allclose(respond(TeacherStyle(gain=gain), rollout), expected, atol=1e-12)
 
 
+@settings(deadline=None)
 @given(
     delay_steps=st.integers(-20, 20),
     control_hz=st.sampled_from([10.0, 20.0, 50.0]),
@@ -254,3 +256,10 @@ def test_order_and_attempt_must_not_be_negative():
 
 def test_not_ready_is_a_runtime_error():
     assert issubclass(TeacherNotReady, RuntimeError)
+
+
+def test_step_by_step_equals_the_whole_response():
+    teacher, rollout = ScriptedTeacher("t", NOISY, 1), waves()
+    teacher.begin(rollout, order=2, attempt=1)
+    stepped = [teacher.label(step) for step in range(rollout.steps)]
+    assert stepped == teacher.respond(rollout, order=2, attempt=1).tolist()

@@ -1,7 +1,9 @@
+import mujoco
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from steerlab.sim.engine.driving import Driving
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.ground_truth.distance_grid import (
     Keep,
@@ -12,7 +14,7 @@ from steerlab.sim.ground_truth.distance_grid import (
     needed_clearance_m,
     square_distance_grid,
 )
-from steerlab.sim.ground_truth.footprint import collision
+from steerlab.sim.ground_truth.footprint import collision, overlaps
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import Block, WorldSpec
 from steerlab.sim.world_generator import generate_world
@@ -94,3 +96,23 @@ def test_rectangle_is_exact_where_the_discs_are_not() -> None:
     corner = Pose2D(3.0 + 1.4, 2.0 + 1.4, -np.pi / 4)  # its side along the corner's diagonal
     assert collision(corner, world, CAR) is None
     assert collision(Pose2D(corner.x_m, corner.y_m, np.pi / 4), world, CAR) is not None
+
+
+def test_the_rectangle_agrees_with_mujoco() -> None:
+    rng = np.random.default_rng(0)
+    seen = set()
+    with Driving(WORLD) as car:
+        for _ in range(500):
+            block = WORLD.blocks[int(rng.integers(len(WORLD.blocks)))]
+            share_x, share_y = rng.uniform(-1.0, 1.0, size=2).tolist()
+            pose = Pose2D(
+                block.x_m + share_x * (block.half_x_m + 2.3),
+                block.y_m + share_y * (block.half_y_m + 2.3),
+                float(rng.uniform(-np.pi, np.pi)),
+            )
+            car.data.qpos[:3] = pose.x_m, pose.y_m, pose.heading_rad
+            mujoco.mj_forward(car.model, car.data)
+            touching = any(overlaps(pose, other, CAR) for other in WORLD.blocks)
+            assert touching == (car.data.ncon > 0)
+            seen.add(touching)
+    assert seen == {True, False}

@@ -41,7 +41,7 @@ def test_pose_in_collision(wall_planner: Planner) -> None:
 
 
 def test_a_start_needs_more_room_than_a_label(wall_planner: Planner) -> None:
-    close = Pose2D(0.0, 6.0 + 0.9 + 0.1, 0.05)
+    close = Pose2D(0.0, 6.0 + 0.9 + 0.2, 0.0)
     wall_planner.label(close, 5.0)
     with pytest.raises(NoPath, match="discs") as caught:
         wall_planner.check_start(close)
@@ -74,9 +74,10 @@ def test_hysteresis_keeps_the_route(wall_world: WorldSpec, wall_planner: Planner
 
 
 def test_hysteresis_gives_way_to_a_much_shorter_route(wall_planner: Planner) -> None:
-    pose = np.array([(-25.0, 0.5, 0.0), (-25.0, -5.0, -0.2), (-24.0, -5.0, -0.2)])
+    pose = np.array([(-25.0, 0.5, 0.0), (-25.0, -6.5, 0.0), (-24.0, -6.5, 0.0)])
     wheel = wall_planner.label_rollout(pose, np.full(3, 5.0)).wheel
     assert wheel[0] > 0.0 > wheel[1]
+    assert wheel[2] < 0.0
 
 
 def test_first_label_of_a_rollout_is_the_stateless_one(wall_planner: Planner) -> None:
@@ -102,7 +103,7 @@ def test_steps_without_a_path_are_masked_never_zero(wall_planner: Planner) -> No
 
 
 def test_goal_blocked_masks_a_whole_rollout(walled_in_ball: Planner) -> None:
-    found = walled_in_ball.label_rollout(np.zeros((2, 3)) + (-30.0, 0.0, 0.0), np.full(2, 5.0))
+    found = walled_in_ball.label_rollout(np.tile((-30.0, 0.0, 0.0), (2, 1)), np.full(2, 5.0))
     assert not found.valid.any()
     assert found.reason == ("goal_blocked", "goal_blocked")
 
