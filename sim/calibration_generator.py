@@ -16,7 +16,6 @@ from steerlab.sim.wizard import Wizard, WizardStyle
 from steerlab.sim.world_generator import WorldConfig, generate_world
 
 CALIBRATION_SEED = 12
-ROLLOUTS_PER_WORLD = 2
 MAX_TRIES = 300  # starts in a world
 MAX_WORLDS = 10
 HARD_TURN_WHEEL = 1.85
@@ -34,12 +33,12 @@ class CalibrationRules:
 
     steps: tuple[int, int] = (150, 300)
     max_hard: float = 0.2  # share of labels in a turn as tight as paths are planned
-    max_hard_missed: float = 0.45  # the same for the styles that drive past the ball and turn back
     start_to_ball_m: tuple[float, float] = (40.0, 58.0)
     max_start_bearing_rad: float = 1.2  # of the ball, so that no rollout starts with a U-turn
     max_jumps: int = 2  # labels that change by more than JUMP_WHEEL in one step: routes flip
     min_each_side: float = 0.15  # share of steps with a label beyond ±0.15 on either side
     min_mean_error: float = 0.35  # mean |robot wheel - oracle label|
+    must_miss: bool = False  # drives past the ball
 
     def accept_start(self, start: Pose2D, ball_xy_m: tuple[float, float]) -> bool:
         """Whether a rollout may start here."""
@@ -48,9 +47,9 @@ class CalibrationRules:
         turn_rad = abs(bearing_rad(start, ball_xy_m))
         return nearest_m <= distance_m <= farthest_m and turn_rad <= self.max_start_bearing_rad
 
-    def accept(self, rollout: Rollout, *, must_miss: bool) -> bool:
-        """Whether the rollout keeps every rule; with ``must_miss`` it also drove past the ball."""
-        if must_miss and not drove_past_ball(rollout):
+    def accept(self, rollout: Rollout) -> bool:
+        """Whether the rollout keeps every rule."""
+        if self.must_miss and not drove_past_ball(rollout):
             return False
         if not self.steps[0] <= rollout.steps <= self.steps[1]:
             return False
@@ -59,20 +58,33 @@ class CalibrationRules:
         label = rollout.oracle_label
         left, right = (label > 0.15).mean(), (label < -0.15).mean()
         return bool(
-            hard_share(label) <= (self.max_hard_missed if must_miss else self.max_hard)
+            hard_share(label) <= self.max_hard
             and min(left, right) >= self.min_each_side
             and (np.abs(np.diff(label)) > JUMP_WHEEL).sum() <= self.max_jumps
             and np.abs(rollout.robot_wheel - label).mean() >= self.min_mean_error
         )
 
 
-STYLES = (
-    WizardStyle(error_wheel=0.9, error_time_s=0.6),  # weaves fast
-    WizardStyle(error_wheel=0.7, error_time_s=3.0),  # drifts slowly
-    WizardStyle(decoy="ball", error_wheel=0.3, err_s=11.0, sane_s=1.5),  # aims beside the ball
-    WizardStyle(decoy="block", error_wheel=0.3, err_s=2.5),  # heads for blocks
-    WizardStyle(gain=0.35, error_wheel=0.6, error_time_s=1.5),  # recovers late
-    WizardStyle(decoy="block", gain=0.7, error_wheel=0.5, error_time_s=1.0, err_s=1.5, sane_s=2.0),
+RULES = CalibrationRules()
+# Turning back takes a long hard turn, to the left or to the right as the car happens to stand.
+RULES_OF_A_MISS = CalibrationRules(must_miss=True, max_hard=0.55, max_jumps=4)
+
+WEAVES = WizardStyle(error_wheel=0.9, error_time_s=0.6)
+DRIFTS = WizardStyle(error_wheel=0.7, error_time_s=3.0)
+RECOVERS_LATE = WizardStyle(gain=0.35, error_wheel=0.6, error_time_s=1.5)
+HEADS_FOR_BLOCKS = WizardStyle(decoy="block", error_wheel=0.3, err_s=2.5)
+WAVERS = WizardStyle(
+    decoy="block", gain=0.7, error_wheel=0.5, error_time_s=1.0, err_s=1.5, sane_s=2.0
+)
+MISSES = WizardStyle(decoy="ball", error_wheel=0.4, error_time_s=1.0)
+
+STYLES_BY_WORLD = (
+    (WEAVES, HEADS_FOR_BLOCKS),
+    (DRIFTS, RECOVERS_LATE),
+    (MISSES, WAVERS),
+    (HEADS_FOR_BLOCKS, WEAVES),
+    (RECOVERS_LATE, DRIFTS),
+    (WAVERS, HEADS_FOR_BLOCKS),
 )
 
 
@@ -98,27 +110,31 @@ def generate_calibration_set(
     rules: CalibrationRules | None = None,
     on_rollout: Callable[[int, int], None] | None = None,
 ) -> tuple[Rollout, ...]:
-    """Drive until each style has two rollouts, in six worlds, that keep the rules.
+    """Drive in six worlds until each has two rollouts, in the styles meant for it, that keep the rules.
 
     Args:
+        rules: in place of ``RULES`` and ``RULES_OF_A_MISS``.
         on_rollout: called with (rollouts found, rollouts wanted).
 
     Raises:
         InvalidConfig: a style found no rollout in ``MAX_TRIES`` tries; loosen the rules.
     """
-    rules = rules or CalibrationRules()
     rollouts: list[Rollout] = []
-    for number, stream in enumerate(np.random.SeedSequence(seed).spawn(len(STYLES))):
-        rollouts += _rollouts_of_a_world(number, stream, rules)
+    streams = np.random.SeedSequence(seed).spawn(len(STYLES_BY_WORLD))
+    for number, (styles, stream) in enumerate(zip(STYLES_BY_WORLD, streams, strict=True)):
+        rollouts += _rollouts_of_a_world(number, styles, stream, rules)
         if on_rollout is not None:
-            on_rollout(len(rollouts), len(STYLES) * ROLLOUTS_PER_WORLD)
+            on_rollout(len(rollouts), len(styles) * len(STYLES_BY_WORLD))
     return tuple(rollouts)
 
 
 def _rollouts_of_a_world(
-    number: int, stream: np.random.SeedSequence, rules: CalibrationRules
+    number: int,
+    styles: tuple[WizardStyle, ...],
+    stream: np.random.SeedSequence,
+    rules: CalibrationRules | None,
 ) -> list[Rollout]:
-    """Two rollouts in one world; a world that gives them in no try is replaced by another."""
+    """One rollout in each style; a world that does not give them is replaced by another."""
     for world_stream in stream.spawn(MAX_WORLDS):
         world_rng, start_rng, wizard_rng = map(np.random.default_rng, world_stream.spawn(3))
         world = generate_world(f"calibration-{number}", world_rng, WORLDS)
@@ -126,31 +142,30 @@ def _rollouts_of_a_world(
         found: list[Rollout] = []
         with Driving(world) as driving:
             for attempt in range(MAX_TRIES):
-                style = STYLES[(number + len(found) * 3) % len(STYLES)]
-                name = f"calibration-{number * ROLLOUTS_PER_WORLD + len(found):02d}"
+                style = styles[len(found)]
+                kept = rules or (RULES_OF_A_MISS if style is MISSES else RULES)
                 (start,) = sample_starts(
-                    planner, start_rng, 1, min_to_ball_m=rules.start_to_ball_m[0]
+                    planner, start_rng, 1, min_to_ball_m=kept.start_to_ball_m[0]
                 )
-                if not rules.accept_start(start, world.ball_xy_m):
+                if not kept.accept_start(start, world.ball_xy_m):
                     continue
-                wizard = Wizard(style, planner, driving.config.control_hz, wizard_rng)
                 try:
                     rollout = record_rollout(
                         driving,
-                        wizard,
+                        Wizard(style, planner, driving.config.control_hz, wizard_rng),
                         planner,
-                        name=name,
+                        name=f"calibration-{number * len(styles) + len(found):02d}",
                         seed=attempt,
                         start=start,
-                        max_steps=rules.steps[1],
+                        max_steps=kept.steps[1],
                     )
                 except NoPath:  # drove itself into a dead end: not a rollout to show
                     continue
-                if rules.accept(rollout, must_miss=style.decoy == "ball"):
+                if kept.accept(rollout):
                     found.append(rollout)
-                if len(found) == ROLLOUTS_PER_WORLD:
+                if len(found) == len(styles):
                     return found
     raise InvalidConfig(
-        f"No {MAX_TRIES} starts in {MAX_WORLDS} worlds gave {ROLLOUTS_PER_WORLD} rollouts that "
-        f"keep the rules for place {number}; loosen CalibrationRules or take another seed."
+        f"No {MAX_TRIES} starts in {MAX_WORLDS} worlds gave {len(styles)} rollouts that "
+        f"keep the rules for world {number}; loosen CalibrationRules or take another seed."
     )

@@ -18,8 +18,13 @@ from steerlab.sim.vehicle import WHEEL_LIMIT
 DECOY_GAIN = 2.5  # wheel per radian of heading error towards the decoy
 DECOY_WHEEL_LIMIT = 1.6  # a mistaken policy still turns gently
 LOOK_AHEAD_M = 45.0  # blocks further off are no decoys
-MISS_BY_M = (9.0, 13.0)  # how far beside the ball it aims when it misses: outside its turning circle
+MISS_BY_M = (
+    9.0,
+    13.0,
+)  # how far beside the ball it aims when it misses: outside its turning circle
 MISS_BEYOND_M = 15.0
+MISS_WITHIN_M = 30.0  # from the ball, where a policy that misses starts to
+MISSED_RAD = 1.5  # bearing of a ball that has been passed
 CHANGE_OF_MIND_S = 0.25  # time constant of going from one aim to another
 
 
@@ -32,7 +37,7 @@ class WizardStyle:
         error_wheel: standard deviation of its slowly varying error, in wheel units.
         error_time_s: correlation time of that error: small weaves, large drifts.
         decoy: what it heads for when it errs: "block", "ball" (a point beside it) or "none".
-        err_s: how long it heads for the decoy.
+        err_s: how long it heads for a block.
         sane_s: how long it drives well in between.
     """
 
@@ -57,8 +62,9 @@ class Wizard:
         self._error = self._raw_error = float(rng.normal(0.0, style.error_wheel))
         self._erring = 0.0  # how much of the wheel is the decoy's, 0 to 1
         self._until_s = style.sane_s * float(rng.uniform(0.3, 1.0))
-        self._decoy: tuple[float, float] | None = None
-        self._last_decoy: tuple[float, float] | None = None
+        self._aim: tuple[float, float] | None = None  # the decoy last headed for
+        self._fooled = False
+        self._has_missed = False
 
     def __call__(self, state: DrivingState) -> float:
         """Wheel position in [-2.5, 2.5].
@@ -71,13 +77,9 @@ class Wizard:
         self._drift()
         self._choose(state)
         wheel = self._style.gain * oracle
-        if self._decoy is not None:
-            self._last_decoy = self._decoy
-        share = self._dt_s / (self._dt_s + CHANGE_OF_MIND_S)
-        self._erring += share * ((self._decoy is not None) - self._erring)
-        if self._last_decoy is not None:
-            towards = self._towards(self._last_decoy, state.pose)
-            wheel += self._erring * (towards - wheel)
+        self._erring += self._dt_s / (self._dt_s + CHANGE_OF_MIND_S) * (self._fooled - self._erring)
+        if self._aim is not None:
+            wheel += self._erring * (self._towards(self._aim, state.pose) - wheel)
         return float(np.clip(wheel + self._error, -WHEEL_LIMIT, WHEEL_LIMIT))
 
     def _drift(self) -> None:
@@ -89,34 +91,36 @@ class Wizard:
         self._error = keep * self._error + (1.0 - keep) * self._raw_error
 
     def _choose(self, state: DrivingState) -> None:
-        missed = self._style.decoy == "ball" and self._decoy is not None and self._passed(state)
-        if self._style.decoy == "none" or (state.t_s < self._until_s and not missed):
-            return
-        erring = self._decoy is None
-        self._decoy = self._pick(state.pose) if erring else None
-        length_s = self._style.err_s if erring else self._style.sane_s
-        self._until_s = state.t_s + length_s * float(self._rng.uniform(0.6, 1.4))
-
-    def _passed(self, state: DrivingState) -> bool:
-        """Whether the ball lies behind: then even this policy sees that it missed."""
-        return abs(bearing_rad(state.pose, self._planner.world.ball_xy_m)) > 1.5
-
-    def _pick(self, pose: Pose2D) -> tuple[float, float] | None:
-        """A point near the ball, or the edge of a block ahead; None if no block is ahead."""
-        world = self._planner.world
         if self._style.decoy == "ball":
-            ball_x_m, ball_y_m = world.ball_xy_m
-            aside_m = float(self._rng.uniform(*MISS_BY_M)) * float(self._rng.choice((-1, 1)))
-            distance_m = hypot(ball_x_m - pose.x_m, ball_y_m - pose.y_m)
-            along_x = (ball_x_m - pose.x_m) / distance_m
-            along_y = (ball_y_m - pose.y_m) / distance_m
-            return (
-                ball_x_m + MISS_BEYOND_M * along_x - aside_m * along_y,
-                ball_y_m + MISS_BEYOND_M * along_y + aside_m * along_x,
+            self._miss_once(state.pose)
+        elif self._style.decoy == "block" and state.t_s >= self._until_s:
+            block = None if self._fooled else self._block_ahead(state.pose)
+            self._fooled, self._aim = block is not None, block or self._aim
+            length_s = self._style.err_s if self._fooled else self._style.sane_s
+            self._until_s = state.t_s + length_s * float(self._rng.uniform(0.6, 1.4))
+
+    def _miss_once(self, pose: Pose2D) -> None:
+        """Near the ball, aim beside it; once it lies behind, even this policy sees that."""
+        ball_x_m, ball_y_m = self._planner.world.ball_xy_m
+        to_ball_x_m, to_ball_y_m = ball_x_m - pose.x_m, ball_y_m - pose.y_m
+        distance_m = hypot(to_ball_x_m, to_ball_y_m)
+        if self._fooled:
+            self._has_missed = abs(bearing_rad(pose, (ball_x_m, ball_y_m))) > MISSED_RAD
+            self._fooled = not self._has_missed
+        elif not self._has_missed and distance_m < MISS_WITHIN_M:
+            aside = float(self._rng.uniform(*MISS_BY_M) * self._rng.choice((-1, 1))) / distance_m
+            beyond = 1.0 + MISS_BEYOND_M / distance_m
+            self._aim = (
+                pose.x_m + beyond * to_ball_x_m - aside * to_ball_y_m,
+                pose.y_m + beyond * to_ball_y_m + aside * to_ball_x_m,
             )
+            self._fooled = True
+
+    def _block_ahead(self, pose: Pose2D) -> tuple[float, float] | None:
+        """The centre of one of the blocks ahead, if there are any."""
         ahead = [
             (block.x_m, block.y_m)
-            for block in world.blocks
+            for block in self._planner.world.blocks
             if hypot(block.x_m - pose.x_m, block.y_m - pose.y_m) < LOOK_AHEAD_M
             and abs(bearing_rad(pose, (block.x_m, block.y_m))) < 0.8
         ]

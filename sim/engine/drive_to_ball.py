@@ -93,6 +93,7 @@ class DriveToBall(composer.Task):
         self._controls = CarControls(data, self._car_config)
         self._referee = Referee(data, self.world)
         self._steps = 0
+        self._touched = False
         self.outcome = Outcome.RUNNING
 
     def before_step(
@@ -105,12 +106,18 @@ class DriveToBall(composer.Task):
         del physics, random_state
         pedals = [float(pedal) for pedal in action[1:]]
         self._controls.apply(float(action[0]), *pedals)
+        self._touched = False
+
+    def after_substep(self, physics: mjcf.Physics, random_state: np.random.RandomState) -> None:
+        """Look for a contact, which may last no longer than this."""
+        del physics, random_state
+        self._touched = self._touched or self._referee.touching()
 
     def after_step(self, physics: mjcf.Physics, random_state: np.random.RandomState) -> None:
         """Ask the referee."""
         del physics, random_state
         self._steps += 1
-        self.outcome = self._referee.verdict()
+        self.outcome = self._referee.verdict(self._touched)
         if self.outcome is Outcome.RUNNING and self._steps >= self.config.max_steps:
             self.outcome = Outcome.TIME_LIMIT
 

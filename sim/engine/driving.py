@@ -124,8 +124,9 @@ class Driving:
             speed_mps * np.cos(start.heading_rad),
             speed_mps * np.sin(start.heading_rad),
         )
+        mujoco.mj_fwdPosition(self.model, self.data)  # finds the blocks nearby
         self._steps = 0
-        self.outcome = self._referee.verdict()
+        self.outcome = self._referee.verdict(self._referee.touching())
         return self.state
 
     def step(self, wheel: float, throttle: float | None = None, brake: float = 0.0) -> Outcome:
@@ -145,9 +146,15 @@ class Driving:
                 "a missing input must be handled before it reaches the car."
             )
         self._controls.apply(wheel, throttle, brake)
-        mujoco.mj_step(self.model, self.data, self._substeps)
+        model, data, touched = self.model, self.data, False
+        if self._referee.near_block():
+            for _ in range(self._substeps):
+                mujoco.mj_step(model, data)
+                touched = touched or self._referee.touching()
+        else:
+            mujoco.mj_step(model, data, self._substeps)
         self._steps += 1
-        outcome = self._referee.verdict()
+        outcome = self._referee.verdict(touched)
         if outcome is Outcome.RUNNING and self._steps >= self._max_steps:
             outcome = Outcome.TIME_LIMIT
         self.outcome = outcome
@@ -196,7 +203,7 @@ class Driving:
         self._steps = round(self.data.time * self.config.control_hz)
         # Contacts are not part of the state: find them without touching the solver's warm start.
         mujoco.mj_fwdPosition(self.model, self.data)
-        self.outcome = self._referee.verdict()
+        self.outcome = self._referee.verdict(self._referee.touching())
         return self.state
 
     def close(self) -> None:

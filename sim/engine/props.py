@@ -4,6 +4,9 @@ from dm_control import composer, mjcf
 
 from steerlab.sim.world import BALL_RADIUS_M, Block
 
+# A contact is listed when a block is this near, and pushes only when it touches: so the referee
+# knows when to look at every physics step. More than the car moves in a control step.
+NEAR_BLOCK_M = 1.0
 BLOCK_CONTYPE, BLOCK_CONAFFINITY = 1, 2  # meets the chassis (2, 1) only
 # A real shadow pass costs 30 ms a frame, translucency 0.2 ms; a dark box on plain ground neither.
 SHADOW_RGBA = (0.22, 0.23, 0.22, 1.0)
@@ -31,6 +34,7 @@ class BlockEntity(composer.Entity):
             rgba=BLOCK_RGBAS[shade % len(BLOCK_RGBAS)],
             contype=BLOCK_CONTYPE,
             conaffinity=BLOCK_CONAFFINITY,
+            gap=NEAR_BLOCK_M,
             friction=(0.3, 0.005, 0.0001),
         )
         self._mjcf.worldbody.add(

@@ -1,4 +1,7 @@
-"""Decides whether a drive is over; one rule for the fast interface and the dm_control task."""
+"""Decides whether a drive is over; one rule for the fast interface and the dm_control task.
+
+A grazing contact lasts a single physics step of 10 ms, so it must be looked for after each of them.
+"""
 
 from math import hypot
 
@@ -22,9 +25,21 @@ class Referee:
         """From the car's centre to the ball's centre."""
         return hypot(self._qpos[0] - self._ball_x_m, self._qpos[1] - self._ball_y_m)
 
-    def verdict(self) -> Outcome:
-        """The outcome now, apart from the time limit; contacts are those of the last physics step."""
-        if self._data.ncon:
+    def near_block(self) -> bool:
+        """Whether a block is within ``NEAR_BLOCK_M``: only then can the next control step hit one."""
+        return self._data.ncon > 0
+
+    def touching(self) -> bool:
+        """Whether the car touched a block in the last physics step."""
+        return self._data.ncon > 0 and bool(self._data.contact.dist.min() < 0.0)
+
+    def verdict(self, touched: bool) -> Outcome:
+        """The outcome now, apart from the time limit.
+
+        Args:
+            touched: whether the car touched a block in any physics step of this control step.
+        """
+        if touched:
             return Outcome.BLOCK_HIT
         if self.distance_to_ball_m() < REACH_M:
             return Outcome.BALL_REACHED

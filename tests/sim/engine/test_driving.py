@@ -11,8 +11,8 @@ from steerlab.sim.engine.driving import Driving, DrivingConfig
 from steerlab.sim.errors import InvalidConfig, InvalidWorld, StateMismatch
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.rollout import Outcome
-from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.sim.world import WorldSpec
+from steerlab.sim.vehicle import WHEEL_LIMIT, CarConfig
+from steerlab.sim.world import Block, WorldSpec
 
 LONG = DrivingConfig(time_limit_s=600.0, start_jitter_m=0.0, start_jitter_rad=0.0)
 EMPTY = WorldSpec(
@@ -77,6 +77,40 @@ def test_each_ending(open_world, wall_world):
     away = Pose2D(0.0, 0.0, pi)
     assert drive(open_world, start=away)[0] is Outcome.OUT_OF_BOUNDS
     assert drive(open_world, wheel=2.5, time_limit_s=4.0) == (Outcome.TIME_LIMIT, 4.0)
+
+
+@pytest.mark.parametrize("angle_rad", [0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 1.57])
+def test_even_a_graze_that_lasts_one_physics_step_is_a_hit(angle_rad):
+    """Straight at a long wall: the first overlap of the chassis ends the drive in that step."""
+    wall = Block(0.0, 3.0, 45.0, 1.0)  # its side is at y = 2
+    car = CarConfig()
+    corner_m = car.length_m / 2 * np.sin(angle_rad) + car.width_m / 2 * np.cos(angle_rad)
+    start = Pose2D(-30.0, 2.0 - corner_m - 0.6, angle_rad)
+    world = WorldSpec(name="wall", ball_xy_m=(0.0, -45.0), start=start, blocks=(wall,))
+    with Driving(world) as driving:
+        driving.reset(start=start)
+        while driving.outcome is Outcome.RUNNING:
+            driving.step(0.0)
+        assert driving.outcome is Outcome.BLOCK_HIT
+        assert driving.state.t_s == pytest.approx(0.6 / (5.0 * np.sin(angle_rad)), abs=0.06)
+
+
+def test_blocks_nearby_do_not_push():
+    """Contacts are listed a metre early so that grazes are seen; they must act only on touch."""
+    start = Pose2D(-20.0, 0.0, 0.0)
+    beside = Block(0.0, 0.9 + 1.0 + 0.3, 30.0, 1.0)  # its side 30 cm from the car's
+    ends = []
+    for blocks in ((beside,), ()):
+        world = WorldSpec(name="w", ball_xy_m=(0.0, -40.0), start=start, blocks=blocks)
+        with Driving(world) as driving:
+            data = driving.data
+            data.qpos[:3] = -20.0, 0.0, 0.0
+            data.qvel[:2] = 5.0, 0.0
+            for _ in range(100):
+                driving.step(0.0)
+            assert driving.outcome is Outcome.RUNNING
+            ends.append(driving.state.pose)
+    assert ends[0] == ends[1]
 
 
 def test_brake_stops_and_throttle_speeds_up():
