@@ -1,6 +1,6 @@
 """``LabelSeries``: one person's labels for one rollout beside the ground truth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pyarrow as pa
@@ -19,6 +19,8 @@ _COLUMNS = (
     "oracle_label",
     "label_valid",
 )
+CONTEXT = ("yaw_rate_radps", "speed_mps", "robot_wheel")
+"""What ``series_from_table`` keeps of the car's own motion, where the table has it."""
 _SLACK = 1e-6  # labels may pass WHEEL_LIMIT by rounding only
 
 
@@ -32,6 +34,9 @@ class LabelSeries:
         label: (steps,) the teacher's label ``a``; NaN where none was given.
         truth: (steps,) the oracle label ``o``; NaN where none exists.
         valid: (steps,) True where the step may train and score; label and truth are then finite.
+        context: (steps, columns) what else is known of each step, such as the car's motion; it
+            must be finite. Most mappers read labels only.
+        context_names: one name a column.
     """
 
     person: str
@@ -40,6 +45,8 @@ class LabelSeries:
     label: FloatArray
     truth: FloatArray
     valid: BoolArray
+    context: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    context_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         where = f"Series of {self.person!r} on {self.rollout!r}"
@@ -49,6 +56,17 @@ class LabelSeries:
             shape = getattr(self, name).shape
             if shape != self.label.shape:
                 raise InvalidLabels(f"{where}: {name} is {shape}, not {self.label.shape}.")
+        if self.context.size == 0:  # none given: (steps, 0)
+            object.__setattr__(self, "context", np.empty((self.steps, 0)))
+        if self.context.shape != (self.steps, len(self.context_names)):
+            raise InvalidLabels(
+                f"{where}: context is {self.context.shape}, not "
+                f"{(self.steps, len(self.context_names))}: a row a step and a column a name."
+            )
+        if not np.isfinite(self.context).all():
+            raise InvalidLabels(
+                f"{where}: context has a value that is not finite; drop the column."
+            )
         if not (np.isfinite(self.rate_hz) and self.rate_hz > 0.0):
             raise InvalidLabels(f"{where}: rate_hz is {self.rate_hz}; it must be positive.")
         if self.valid.dtype != np.bool_:
@@ -85,8 +103,9 @@ def series_from_table(table: pa.Table) -> list[LabelSeries]:
             f"The table lacks {', '.join(missing)}; it has {', '.join(table.column_names)}."
         )
     keys = ("participant", "rollout", "attempt", "step")
-    table = table.select(_COLUMNS).sort_by([(key, "ascending") for key in keys])
-    columns = {name: _numpy(table, name) for name in _COLUMNS}
+    context = tuple(name for name in CONTEXT if name in table.column_names)
+    table = table.select([*_COLUMNS, *context]).sort_by([(key, "ascending") for key in keys])
+    columns = {name: _numpy(table, name) for name in (*_COLUMNS, *context)}
     person, rollout, attempt = (columns[key] for key in keys[:3])
     rows = len(person)
     if rows == 0:
@@ -96,7 +115,7 @@ def series_from_table(table: pa.Table) -> list[LabelSeries]:
     bounds = [0, *(np.flatnonzero(new_series) + 1).tolist(), rows]
     last_attempt = [*new_pair[np.asarray(bounds[1:-1], dtype=int) - 1].tolist(), True]
     return [
-        _series({name: values[start:stop] for name, values in columns.items()})
+        _series({name: values[start:stop] for name, values in columns.items()}, context)
         for start, stop, last in zip(bounds[:-1], bounds[1:], last_attempt, strict=True)
         if last
     ]
@@ -111,7 +130,7 @@ def _numpy(table: pa.Table, name: str) -> np.ndarray:
     return column.to_numpy()
 
 
-def _series(columns: dict[str, np.ndarray]) -> LabelSeries:
+def _series(columns: dict[str, np.ndarray], context: tuple[str, ...]) -> LabelSeries:
     person, rollout = str(columns["participant"][0]), str(columns["rollout"][0])
     where = f"{person!r} on {rollout!r}, attempt {columns['attempt'][0]}"
     step = columns["step"]
@@ -131,6 +150,10 @@ def _series(columns: dict[str, np.ndarray]) -> LabelSeries:
         label=label,
         truth=truth,
         valid=np.isfinite(label) & np.isfinite(truth),
+        context=np.column_stack([columns[name] for name in context])
+        if context
+        else np.empty((0, 0)),
+        context_names=context,
     )
 
 

@@ -115,3 +115,18 @@ def test_an_empty_table_has_no_series():
 def test_a_series_that_breaks_its_rules_is_refused(changes, message):
     with pytest.raises(InvalidLabels, match=message):
         make_series(**changes)
+
+
+def test_context_comes_with_the_table_and_is_checked():
+    series = _series_of_context(context=np.ones((4, 2)), context_names=("speed_mps", "x"))
+    assert series.context.shape == (4, 2)
+    assert _series_of_context().context.shape == (4, 0)
+    with pytest.raises(InvalidLabels, match="a column a name"):
+        _series_of_context(context=np.ones((4, 2)), context_names=("speed_mps",))
+    with pytest.raises(InvalidLabels, match="not finite"):
+        _series_of_context(context=np.full((4, 1), np.nan), context_names=("x",))
+
+
+def _series_of_context(**changes):
+    values = {"person": "p", "rollout": "r", "rate_hz": 20.0, "label": np.zeros(4)}
+    return LabelSeries(**values, truth=np.ones(4), valid=np.ones(4, bool), **changes)
