@@ -59,12 +59,13 @@ def _put_in_place(fresh: Path, path: Path) -> None:
         fresh.rename(path)
         return
     old = Path(tempfile.mkdtemp(prefix=f".{path.name}-", suffix=".old", dir=path.parent))
-    path.rename(old / path.name)
     try:
-        fresh.rename(path)
-    except OSError:
-        (old / path.name).rename(path)
-        raise
+        shutil.move(path, old)  # a copy where a layered file system cannot rename a folder
+        try:
+            fresh.rename(path)
+        except OSError:
+            shutil.move(old / path.name, path)
+            raise
     finally:
         shutil.rmtree(old, ignore_errors=True)
 

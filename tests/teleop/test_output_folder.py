@@ -66,3 +66,22 @@ def test_a_full_disk_is_said_and_leaves_nothing(tmp_path):
     with pytest.raises(OutputError, match="No space left"), output_folder(tmp_path / "out"):
         raise OSError(28, "No space left on device")
     assert os.listdir(tmp_path) == []
+
+
+def test_folders_of_a_layered_file_system_are_replaced_too(tmp_path, monkeypatch):
+    """There a folder of a lower layer cannot be renamed, as in many containers."""
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "old").write_text("1")
+    rename = os.rename
+
+    def refuse(source, target, **rest):
+        if os.fspath(source) == os.fspath(out):
+            raise OSError(18, "Invalid cross-device link")
+        rename(source, target, **rest)
+
+    monkeypatch.setattr(os, "rename", refuse)
+    with output_folder(out, force=True) as folder:
+        (folder / "new").write_text("1")
+    assert os.listdir(out) == ["new"]
+    assert os.listdir(tmp_path) == ["out"]
