@@ -12,9 +12,12 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
+from steerlab.sim.errors import NoRenderer
+
 BACKENDS = ("egl", "osmesa", "glfw")  # fastest and most headless first
 INSTALL_HINT = "sudo apt-get install libegl1 libgl1 libgl1-mesa-dri"
 _DISABLED = "disabled"
+_NO_BACKEND = (_DISABLED, "disable", "off", "false", "0")  # as MuJoCo takes it
 _PROBE = """
 import mujoco
 context = mujoco.GLContext(32, 32)
@@ -36,11 +39,20 @@ def choose_gl() -> str | None:
     """Set ``MUJOCO_GL`` unless the user has; return the back end, None where none works.
 
     Without a back end everything but the camera works; ``Camera`` then raises ``NoRenderer``.
+
+    Raises:
+        NoRenderer: ``MUJOCO_GL`` is set to something that is no back end; MuJoCo's import would
+            fail on it.
     """
     chosen = os.environ.get("MUJOCO_GL")
     if chosen is None:
         chosen = _cached() or _probe_all() or _DISABLED
         os.environ["MUJOCO_GL"] = chosen
+    elif chosen not in (*BACKENDS, *_NO_BACKEND):
+        raise NoRenderer(
+            f"MUJOCO_GL is {chosen!r}, which is no OpenGL back end; unset it to let steerlab "
+            f"choose, or set it to one of {', '.join(BACKENDS)}."
+        )
     if chosen in ("egl", "osmesa"):  # PyOpenGL must be told too, before its first import
         os.environ.setdefault("PYOPENGL_PLATFORM", chosen)
     if chosen == "osmesa":

@@ -123,6 +123,12 @@ def test_without_opengl_driving_works_and_the_camera_says_how_to_mend_it():
     assert _run("import steerlab.sim.engine.driving", MUJOCO_GL="disabled").returncode == 0
 
 
+def test_an_unknown_back_end_is_refused_with_the_known_ones():
+    done = _run("import steerlab.sim.engine.driving", MUJOCO_GL="metal")
+    assert "MUJOCO_GL is 'metal'" in done.stderr
+    assert "egl, osmesa, glfw" in done.stderr
+
+
 def test_the_choice_is_cached_and_a_users_choice_kept(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.delenv("MUJOCO_GL")
