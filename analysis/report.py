@@ -1,30 +1,17 @@
 """The report of a simulated study: one HTML page that needs no other file and no network."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from functools import cache
-from typing import Any, Self
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from steerlab.analysis.figures import method_name, svg_data_uri
 from steerlab.analysis.figures.ladder import Interval
 from steerlab.analysis.figures.placement import FloatArray
+from steerlab.analysis.page import render_page
 from steerlab.analysis.summary import MAPPER, SPLITS, InvalidSummary, Summary
-from steerlab.analysis.wording import (
-    comparison,
-    count,
-    decimal,
-    headline,
-    percent,
-    percent_range,
-    teachers,
-)
-
-CSS_PX_PER_IN = 96
+from steerlab.analysis.wording import comparison, headline
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +126,10 @@ def render_report(report: SimulationReport) -> str:
     """The page; equal reports give equal text."""
     summary = report.summary
     ladder = ladder_of(summary, report.ladder_ci95)
-    return _page().render(
+    return render_page(
+        "simulation.html.j2",
+        values=summary.to_dict(),
+        figures=report.figures,
         report=report,
         summary=summary,
         new=summary.splits["new"],
@@ -147,61 +137,4 @@ def render_report(report: SimulationReport) -> str:
         headline=headline(summary),
         comparison=comparison(summary),
         ladder=sorted(ladder.items(), key=lambda item: -item[1]["new"][0]),
-        images={
-            field.name: _image(getattr(report.figures, field.name))
-            for field in fields(report.figures)
-        },
-        show=_shower(summary.to_dict()),
-        method_name=method_name,
-        decimal=decimal,
-        percent=percent,
-        percent_range=percent_range,
-        teachers=teachers,
     )
-
-
-@cache
-def _page() -> Any:
-    environment = Environment(
-        loader=PackageLoader("steerlab.analysis", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("simulation.html.j2")
-
-
-def _image(figure: Figure) -> dict[str, Any]:
-    width_in, height_in = figure.get_size_inches()
-    return {
-        "src": svg_data_uri(figure),
-        "width": round(width_in * CSS_PX_PER_IN),
-        "height": round(height_in * CSS_PX_PER_IN),
-    }
-
-
-def _shower(values: Mapping[str, Any]) -> Callable[..., Markup]:
-    """``show('splits.new.people', 'count')``: a number of the summary, marked with its key.
-
-    The mark (``<data data-key value>``) ties each number in the page to the summary's.
-    """
-    forms: dict[str, Callable[[Any], str]] = {
-        "percent": percent,
-        "percent_range": percent_range,
-        "decimal": decimal,
-        "count": count,
-        "points": lambda value: percent(value / 100.0),  # a value that is in percent already
-    }
-
-    def show(key: str, form: str) -> Markup:
-        value: Any = values
-        for part in key.split("."):
-            value = value[part]
-        if value is None:
-            return Markup('<span title="too few people to measure">not measured</span>')
-        plain = " ".join(map(str, value)) if isinstance(value, list) else str(value)
-        shown = forms[form](value)
-        return Markup('<data data-key="{}" value="{}">{}</data>').format(key, plain, shown)
-
-    return show

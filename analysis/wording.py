@@ -6,7 +6,7 @@ from steerlab.analysis.summary import MAPPER, Summary
 _MINUS = "\u2212"
 _NARROW_SPACE = "\u202f"  # between a number and its unit; does not break
 _NO_BREAK = "\u00a0"
-_CEILINGS = ("oracle_style",)  # told the true style: not a method one could use
+_CEILINGS = ("true_style",)  # told the true style: not a method one could use
 _TIE = 0.01
 _CI = f"95{_NARROW_SPACE}% CI"
 

@@ -1,6 +1,6 @@
 """Every benchmark in one run: ``make bench`` or ``python -m benchmarks.run [--quality] [NAME ...]``.
 
-Prints a row a figure and exits with 1 if a limit is missed. ``--quality`` adds the three studies
+Prints a row a figure and exits with 1 if a limit is missed. ``--quality`` adds the ten studies
 of 34 + 34 teachers whose improvement the README reports; they take minutes.
 """
 
@@ -11,14 +11,23 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import commands, ground_truth, mapper, simulation, store
+from benchmarks import (
+    commands,
+    ground_truth,
+    mapper_quality,
+    mapper_speed,
+    pretrained,
+    simulation,
+    store,
+)
 
 Row = dict[str, Any]
 
 BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "simulation": simulation.run,
     "ground_truth": ground_truth.run,
-    "mapper": mapper.run,
+    "mapper": mapper_speed.run,
+    "pretrained": pretrained.run,
     "store": store.run,
     "commands": commands.run,
 }
@@ -33,7 +42,7 @@ def main(arguments: list[str]) -> int:
         return 2
     rows = [(name, row) for name in chosen for row in BENCHMARKS[name]()]
     if "--quality" in arguments:
-        rows += [("quality", row) for row in mapper.quality()]
+        rows += [("quality", row) for row in (*mapper_quality.quality(), *pretrained.quality())]
     table = Table("benchmark", "figure", "measured", "limit", "unit", "")
     for name, row in rows:
         verdict = "[green]ok[/]" if row["ok"] else "[red]MISSED[/]"

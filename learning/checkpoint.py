@@ -4,19 +4,22 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from steerlab.learning.errors import InvalidCheckpoint
+from steerlab.learning.certainty import Calibrated
+from steerlab.learning.errors import InvalidCheckpoint, InvalidLabels
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.mind_meld import MindMeld
 from steerlab.learning.presets import MapperConfig
 from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.rollout import FloatArray
 
 FORMAT = "steerlab.mind_meld"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2  # 1 knew no certainty of embeddings
 _NETWORK = "network."
 
 
@@ -28,17 +31,25 @@ def save_mapper(mapper: MindMeldMapper, path: Path) -> None:
     """
     people = list(mapper.people)
     tensors = {_NETWORK + name: value for name, value in mapper.network.state_dict().items()}
-    tensors["mean_embedding"] = mapper.mean_embedding
+    tensors["training_embeddings"] = mapper.training_embeddings
     tensors["embeddings"] = torch.stack([mapper.embedding_tensor(person) for person in people])
+    calibrated = [mapper.calibration(person) for person in mapper.calibrated]
+    size = mapper.config.network.embedding_size
+    tensors["covariances"] = _stack([one.covariance for one in calibrated], (size, size))
+    tensors["g_sigmas"] = _stack([one.g_sigma for one in calibrated], (size,))
     header = {
         "format": FORMAT,
         "version": FORMAT_VERSION,
         "seed": mapper.seed,
         "config": mapper.config.to_dict(),
         "people": people,
+        "calibrated": {
+            person: {"distance": one.distance, "outside": one.outside}
+            for person, one in zip(mapper.calibrated, calibrated, strict=True)
+        },
     }
     contiguous = {name: value.contiguous() for name, value in tensors.items()}
-    save_file(contiguous, path, metadata={"steerlab": json.dumps(header, sort_keys=True)})
+    save_file(contiguous, path, metadata={"steerlab": json.dumps(header)})
 
 
 def load_mapper(path: Path) -> MindMeldMapper:
@@ -68,17 +79,47 @@ def load_mapper(path: Path) -> MindMeldMapper:
                 if name.startswith(_NETWORK)
             }
         )
-        mean_embedding, embeddings = tensors["mean_embedding"], tensors["embeddings"]
-    except (InvalidConfig, KeyError, TypeError, ValueError, RuntimeError) as error:
+        training, embeddings = tensors["training_embeddings"], tensors["embeddings"]
+        size = config.network.embedding_size
+        if embeddings.shape != (len(people), size) or training.shape[1:] != (size,):
+            raise InvalidCheckpoint(
+                f"{path} has embeddings {tuple(embeddings.shape)} for {len(people)} people "
+                f"of size {size}; the file is damaged."
+            )
+        by_person = dict(zip(people, embeddings, strict=True))
+        calibrated = {
+            person: Calibrated(
+                embedding=by_person[person].double().numpy(),
+                covariance=covariance.numpy(),
+                g_sigma=g_sigma.numpy(),
+                distance=None if kept["distance"] is None else float(kept["distance"]),
+                outside=bool(kept["outside"]),
+            )
+            for (person, kept), covariance, g_sigma in zip(
+                header["calibrated"].items(),
+                tensors["covariances"],
+                tensors["g_sigmas"],
+                strict=True,
+            )
+        }
+    except InvalidCheckpoint:
+        raise
+    except (
+        InvalidConfig,
+        InvalidLabels,
+        AttributeError,
+        KeyError,
+        TypeError,
+        ValueError,
+        RuntimeError,
+    ) as error:
         raise InvalidCheckpoint(f"{path} does not fit its own header: {error}") from error
-    size = config.network.embedding_size
-    if embeddings.shape != (len(people), size) or mean_embedding.shape != (size,):
-        raise InvalidCheckpoint(
-            f"{path} has embeddings {tuple(embeddings.shape)} for {len(people)} people "
-            f"of size {size}; the file is damaged."
-        )
-    by_person = dict(zip(people, embeddings, strict=True))
-    return MindMeldMapper.from_trained(config, seed, network, mean_embedding, by_person)
+    return MindMeldMapper.from_trained(config, seed, network, training, by_person, calibrated)
+
+
+def _stack(arrays: list[FloatArray], shape: tuple[int, ...]) -> Tensor:
+    """(people, *shape) float64; also of nobody."""
+    return torch.from_numpy(np.array(arrays, dtype=np.float64).reshape(-1, *shape))
 
 
 def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:

@@ -1,21 +1,27 @@
 """What corrects labels: the contract of every mapper, and MIND MELD as one."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from steerlab.learning.calibration import calibrate, encode
+from steerlab.learning.calibration import CalibratedPeople, calibrate, encode, spread_rows
+from steerlab.learning.certainty import Calibrated, TrainingPeople
 from steerlab.learning.errors import NotFitted, UnknownPerson
 from steerlab.learning.mind_meld import MindMeld
 from steerlab.learning.presets import LAB, MapperConfig
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.training import torch_threads, train
-from steerlab.learning.windows import make_windows
+from steerlab.learning.windows import Windows, make_windows
 from steerlab.sim.rollout import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
+
+WINDOWS_PER_PERSON = 600  # more of them calibrate no better (docs/mapper-experiments.md)
+_PEOPLE_AT_ONCE = 16  # their windows take a few MB
+_WORKERS = 2  # groups share nothing, so their number changes no result
 
 
 class LabelMapper(Protocol):
@@ -46,9 +52,8 @@ class MindMeldMapper:
         config: a preset (``LAB``, ``PAPER``) or one's own.
         seed: of weights, embeddings and batches.
         on_epoch: called with (epochs done, epochs) while fitting.
+        name: its key in a ladder.
     """
-
-    name = "mind_meld"
 
     def __init__(
         self,
@@ -56,13 +61,17 @@ class MindMeldMapper:
         *,
         seed: int,
         on_epoch: Callable[[int, int], None] | None = None,
+        name: str = "mind_meld",
     ) -> None:
+        self.name = name
         self.config = config
         self.seed = seed
         self._on_epoch = on_epoch
         self._network: MindMeld | None = None
         self._mean_embedding: Tensor | None = None
         self._embeddings: dict[str, Tensor] = {}
+        self._training_embeddings: Tensor | None = None
+        self._calibrated: dict[str, Calibrated] = {}
         self._history: tuple[tuple[float, float], ...] = ()
 
     @classmethod
@@ -71,14 +80,16 @@ class MindMeldMapper:
         config: MapperConfig,
         seed: int,
         network: MindMeld,
-        mean_embedding: Tensor,
+        training_embeddings: Tensor,
         embeddings: dict[str, Tensor],
+        calibrated: dict[str, Calibrated],
     ) -> "MindMeldMapper":
         """A fitted mapper from its parts, as a checkpoint holds them."""
         mapper = cls(config, seed=seed)
         mapper._network = network.requires_grad_(False)
-        mapper._mean_embedding = mean_embedding
+        mapper._training_embeddings = training_embeddings
         mapper._embeddings = dict(embeddings)
+        mapper._calibrated = dict(calibrated)
         return mapper
 
     def fit(self, series: Sequence[LabelSeries]) -> None:
@@ -92,28 +103,52 @@ class MindMeldMapper:
             windows, self.config.network, self.config.training, self.seed, self._on_epoch
         )
         self._network = trained.network
-        self._mean_embedding = trained.embeddings.mean(dim=0)
+        self._training_embeddings = trained.embeddings
         self._embeddings = dict(zip(windows.people, trained.embeddings, strict=True))
+        self._calibrated = {}
         self._history = trained.history
 
     def calibrate(self, series: Sequence[LabelSeries]) -> None:
         """Fit the embeddings of the people in ``series``, the network frozen.
 
-        Someone known already gets a new embedding.
+        Someone known already gets a new embedding. Of long recordings ``WINDOWS_PER_PERSON``
+        windows are used, evenly spread.
 
         Raises:
             NotFitted: ``fit`` was not called.
             InvalidLabels: no series, or someone without a valid step.
         """
-        windows = make_windows(series, self.config.window)
-        with torch_threads(self.config.training.threads):
-            embeddings = calibrate(
-                self.network,
-                windows,
-                self.mean_embedding,
-                self.config.training.embedding_loss_weight,
+        network, mean = self.network, self.mean_embedding
+        people: dict[str, list[LabelSeries]] = {}
+        for one in series:
+            people.setdefault(one.person, []).append(one)
+        everyone = list(people.values()) or [[]]
+        groups = [
+            [one for own in everyone[start : start + _PEOPLE_AT_ONCE] for one in own]
+            for start in range(0, len(everyone), _PEOPLE_AT_ONCE)
+        ]
+
+        def one_group(few: list[LabelSeries]) -> tuple[tuple[str, ...], CalibratedPeople]:
+            rows = spread_rows(few, WINDOWS_PER_PERSON) if few else None
+            windows = make_windows(few, self.config.window, rows)
+            with torch_threads(1):  # a thread of Python's has its own count
+                weight = self.config.training.embedding_loss_weight
+                return windows.people, calibrate(network, windows, mean, weight)
+
+        with ThreadPoolExecutor(max_workers=_WORKERS) as pool:
+            for known, found in pool.map(one_group, groups):
+                self._keep(known, found)
+
+    def _keep(self, people: tuple[str, ...], found: CalibratedPeople) -> None:
+        training = TrainingPeople.of(self.training_embeddings.double().numpy())
+        for index, person in enumerate(people):
+            self._embeddings[person] = found.embeddings[index]
+            self._calibrated[person] = training.judge(
+                person,
+                found.embeddings[index].double().numpy(),
+                found.information[index].numpy(),
+                found.g_sigma[index].double().numpy(),
             )
-        self._embeddings |= dict(zip(windows.people, embeddings, strict=True))
 
     def map(self, series: LabelSeries) -> FloatArray:
         """Mapped labels (steps,).
@@ -126,12 +161,7 @@ class MindMeldMapper:
 
     def map_with(self, embedding: Tensor, series: LabelSeries) -> FloatArray:
         """Mapped labels (steps,) as if the person's embedding were ``embedding``, (d,)."""
-        windows = make_windows([series], self.config.window)
-        with torch.no_grad(), torch_threads(1):  # too little work to share between threads
-            encoding = encode(self.network, windows.inputs)
-            difference = self.network.difference(encoding, embedding.expand(len(encoding), -1))
-        mapped = series.label - difference.numpy().astype(np.float64)
-        return np.clip(mapped, -WHEEL_LIMIT, WHEEL_LIMIT)
+        return map_windows(self.network, make_windows([series], self.config.window), embedding)
 
     def embedding(self, person: str) -> FloatArray:
         """The person's w, shape (d,).
@@ -149,6 +179,24 @@ class MindMeldMapper:
                 "Call calibrate with their calibration series first."
             )
         return self._embeddings[person]
+
+    def calibration(self, person: str) -> Calibrated:
+        """How sure a new person's embedding is, and whether they are unlike the training people.
+
+        Raises:
+            UnknownPerson: the person was not calibrated; those fitted have no such record.
+        """
+        if person not in self._calibrated:
+            raise UnknownPerson(
+                f"{self.name} has not calibrated {person!r}; call calibrate with their "
+                "calibration series."
+            )
+        return self._calibrated[person]
+
+    @property
+    def calibrated(self) -> tuple[str, ...]:
+        """Everyone who has a ``calibration``."""
+        return tuple(self._calibrated)
 
     @property
     def people(self) -> tuple[str, ...]:
@@ -172,20 +220,38 @@ class MindMeldMapper:
         return self._network
 
     @property
+    def training_embeddings(self) -> Tensor:
+        """The training people's embeddings as training left them, (people, d).
+
+        Raises:
+            NotFitted: ``fit`` was not called.
+        """
+        if self._training_embeddings is None:
+            raise NotFitted(f"{self.name} is not trained; call fit, or load a checkpoint.")
+        return self._training_embeddings
+
+    @property
     def mean_embedding(self) -> Tensor:
         """The mean of the training people's embeddings, (d,): where calibration starts.
 
         Raises:
             NotFitted: ``fit`` was not called.
         """
-        if self._mean_embedding is None:
-            raise NotFitted(f"{self.name} is not trained; call fit, or load a checkpoint.")
-        return self._mean_embedding
+        return self.training_embeddings.mean(dim=0)
 
     def _known(self) -> str:
         names = list(self._embeddings)
         shown = ", ".join(names[:5]) or "no one"
         return f"{shown} and {len(names) - 5} more" if len(names) > 5 else shown
+
+
+def map_windows(network: MindMeld, windows: Windows, embedding: Tensor) -> FloatArray:
+    """Mapped labels of every row, (rows,), all with the same embedding (d,); clamped."""
+    with torch.no_grad(), torch_threads(1):  # too little work to share between threads
+        encoding = encode(network, windows.inputs)
+        difference = network.difference(encoding, embedding.expand(len(encoding), -1))
+    mapped = windows.label.double().numpy() - difference.double().numpy()
+    return np.clip(mapped, -WHEEL_LIMIT, WHEEL_LIMIT)
 
 
 def stack_embeddings(mapper: MindMeldMapper, people: Sequence[str]) -> FloatArray:

@@ -74,12 +74,26 @@ class DifferenceNetwork(nn.Module):
         hidden = torch.relu(self.hidden(torch.cat([encoding, embedding], dim=1)))
         return self.out(hidden).squeeze(1)
 
-    def with_jacobian(self, encoding: Tensor, embedding: Tensor) -> tuple[Tensor, Tensor]:
-        """Also the derivative by the embedding: difference (batch,), jacobian (batch, d)."""
-        hidden = torch.relu(self.hidden(torch.cat([encoding, embedding], dim=1)))
-        by_embedding = self.hidden.weight[:, encoding.shape[1] :]
-        jacobian = ((hidden > 0.0) * self.out.weight[0]) @ by_embedding
-        return self.out(hidden).squeeze(1), jacobian
+    def of_encoding(self, encoding: Tensor) -> Tensor:
+        """What z alone adds to the hidden layer, (..., k) -> (..., hidden): done once for any w."""
+        weight = self.hidden.weight[:, : encoding.shape[-1]]
+        return nn.functional.linear(encoding, weight, self.hidden.bias)
+
+    def with_jacobian(self, partial: Tensor, embedding: Tensor) -> tuple[Tensor, Tensor]:
+        """Difference and its derivative by w, people with their own rows.
+
+        Args:
+            partial: (people, rows, hidden), as ``of_encoding`` gives.
+            embedding: (people, d).
+
+        Returns:
+            difference (people, rows), jacobian (people, rows, d).
+        """
+        by_embedding = self.hidden.weight[:, -embedding.shape[-1] :]
+        hidden = torch.add(partial, (embedding @ by_embedding.T)[:, None]).relu_()
+        difference = self.out(hidden).squeeze(-1)
+        active = hidden.sign_()  # 1 where a unit is on
+        return difference, active @ (self.out.weight[0][:, None] * by_embedding)
 
 
 class InferenceNetwork(nn.Module):
@@ -101,17 +115,34 @@ class InferenceNetwork(nn.Module):
         mean, log_sigma = self.layers(torch.cat([encoding, difference[:, None]], dim=1)).chunk(2, 1)
         return mean, log_sigma.clamp(*LOG_SIGMA_RANGE)
 
-    def mean_with_derivative(self, encoding: Tensor, difference: Tensor) -> tuple[Tensor, Tensor]:
-        """The mean and its derivative by the difference: (batch, d) each."""
-        value = torch.cat([encoding, difference[:, None]], dim=1)
-        slope = torch.zeros_like(value)
-        slope[:, -1] = 1.0
-        for layer in self.layers:
-            if isinstance(layer, nn.Linear):
-                value, slope = layer(value), slope @ layer.weight.T
-            else:
-                value, slope = torch.relu(value), slope * (value > 0.0)
-        return value.chunk(2, 1)[0], slope.chunk(2, 1)[0]
+    def of_encoding(self, encoding: Tensor) -> Tensor:
+        """What z alone adds to the first layer, (..., k) -> (..., first): done once for any d."""
+        first = self.layers[0]
+        assert isinstance(first, nn.Linear)
+        return nn.functional.linear(encoding, first.weight[:, :-1], first.bias)
+
+    def mean_with_derivative(self, partial: Tensor, difference: Tensor) -> tuple[Tensor, Tensor]:
+        """The mean and its derivative by the difference.
+
+        Args:
+            partial: (..., first), as ``of_encoding`` gives.
+            difference: (...).
+
+        Returns:
+            mean and slope, (..., d) each.
+        """
+        first, _, second, _, last = self.layers
+        assert isinstance(first, nn.Linear)
+        assert isinstance(second, nn.Linear)
+        assert isinstance(last, nn.Linear)
+        by_difference = first.weight[:, -1]
+        value = torch.relu(partial + difference[..., None] * by_difference)
+        slope = (value > 0.0) * by_difference
+        value = torch.relu(second(value))
+        slope = (value > 0.0) * (slope @ second.weight.T)
+        size = last.out_features // 2  # the first half is the mean
+        mean = nn.functional.linear(value, last.weight[:size], last.bias[:size])
+        return mean, slope @ last.weight[:size].T
 
 
 class MindMeld(nn.Module):

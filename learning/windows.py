@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 
@@ -22,13 +23,23 @@ class WindowConfig:
         half_width_s: how far the window reaches on either side.
         rate_hz: the mapper's own rate. Labels recorded at another rate are read between steps, so
             one trained mapper serves any control rate.
+        look_ahead_s: labels later than this after t' are absent, as beyond the rollout's end; 0
+            is causal. None: the whole window, as in the paper.
     """
 
     half_width_s: float = 1.0
     rate_hz: float = 10.0
+    look_ahead_s: float | None = None
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
+        ahead_s = self.look_ahead_s
+        if ahead_s is not None and not 0.0 <= ahead_s <= self.half_width_s:
+            raise InvalidConfig(
+                f"WindowConfig.look_ahead_s is {ahead_s}; it must be 0 to {self.half_width_s}, "
+                "the window's half width, or None."
+            )
+        for name in ("half_width_s", "rate_hz"):
+            value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
                 raise InvalidConfig(f"WindowConfig.{name} is {value}; it must be positive.")
         if self.side < 1:
@@ -41,6 +52,13 @@ class WindowConfig:
     def side(self) -> int:
         """Samples on either side of the centre."""
         return round(self.half_width_s * self.rate_hz)
+
+    @property
+    def ahead(self) -> int:
+        """Samples after the centre that may be read; at most ``side``."""
+        if self.look_ahead_s is None:
+            return self.side
+        return min(self.side, int(self.look_ahead_s * self.rate_hz + 1e-6))
 
     @property
     def length(self) -> int:
@@ -74,11 +92,30 @@ class Windows:
         return self.label - self.truth
 
 
-def make_windows(series: Sequence[LabelSeries], config: WindowConfig) -> Windows:
+def window_offsets(
+    rate_hz: float, config: WindowConfig
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Where a window's samples lie: steps from t', and how far on to the next, (length,) each."""
+    offset = rate_hz / config.rate_hz * np.arange(-config.side, config.side + 1)
+    offset = np.where(np.abs(offset - np.round(offset)) < 1e-6, np.round(offset), offset)
+    below = np.floor(offset).astype(np.int64)
+    return below, np.asarray(offset - below, dtype=np.float64)
+
+
+def make_windows(
+    series: Sequence[LabelSeries],
+    config: WindowConfig,
+    rows: npt.NDArray[np.int64] | None = None,
+) -> Windows:
     """Cut the windows of all series in one gather.
 
     Samples that fall between two control steps are interpolated linearly, which is also the
     anti-aliasing; at an integer ratio of rates they are labels as given, and the centre always is.
+
+    Args:
+        series: of any people.
+        config: the window.
+        rows: only these of all series' steps, counted through; None is all.
 
     Raises:
         InvalidLabels: no series was given.
@@ -87,31 +124,33 @@ def make_windows(series: Sequence[LabelSeries], config: WindowConfig) -> Windows
         raise InvalidLabels("No label series given; windows need at least one.")
     steps = np.array([one.steps for one in series])
     ends = np.cumsum(steps)
-    first = np.repeat(ends - steps, steps)[:, None]
-    last = np.repeat(ends - 1, steps)[:, None]
     label = np.concatenate([one.label for one in series])
+    centre = np.arange(len(label)) if rows is None else rows
+    series_of = np.searchsorted(ends, centre, side="right")
+    first = (ends - steps)[series_of][:, None]
+    last = (ends - 1)[series_of][:, None]
 
     rates, rate_of = np.unique([one.rate_hz for one in series], return_inverse=True)
-    offset = rates[:, None] / config.rate_hz * np.arange(-config.side, config.side + 1)
-    offset = np.where(np.abs(offset - np.round(offset)) < 1e-6, np.round(offset), offset)
-    below = np.floor(offset).astype(np.int64)
-    rate_of_row = np.repeat(rate_of, steps)
-    weight = (offset - below)[rate_of_row]
-    lower = np.arange(len(label))[:, None] + below[rate_of_row]
+    offsets = [window_offsets(rate_hz, config) for rate_hz in rates]
+    rate_of_row = rate_of[series_of]
+    weight = np.stack([fraction for _, fraction in offsets])[rate_of_row]
+    lower = centre[:, None] + np.stack([below for below, _ in offsets])[rate_of_row]
     upper = lower + (weight > 0.0)
     inside = (lower >= first) & (upper <= last)
+    inside[:, config.side + config.ahead + 1 :] = False
     lower, upper = np.clip(lower, first, last), np.clip(upper, first, last)
     sample = label[lower] + weight * (label[upper] - label[lower])
     present = inside & np.isfinite(sample)
 
     people = tuple(dict.fromkeys(one.person for one in series))
     index = {person: row for row, person in enumerate(people)}
+    truth = np.concatenate([one.truth for one in series])[centre]
     inputs = np.stack([np.where(present, sample, 0.0), present], axis=-1)
     return Windows(
         inputs=torch.from_numpy(inputs.astype(np.float32)),
-        label=torch.from_numpy(label.astype(np.float32)),
-        truth=torch.from_numpy(np.concatenate([one.truth for one in series]).astype(np.float32)),
-        valid=torch.from_numpy(np.concatenate([one.valid for one in series])),
-        person=torch.from_numpy(np.repeat([index[one.person] for one in series], steps)),
+        label=torch.from_numpy(label[centre].astype(np.float32)),
+        truth=torch.from_numpy(truth.astype(np.float32)),
+        valid=torch.from_numpy(np.concatenate([one.valid for one in series])[centre]),
+        person=torch.from_numpy(np.array([index[one.person] for one in series])[series_of]),
         people=people,
     )

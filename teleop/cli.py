@@ -6,15 +6,20 @@ answers at once.
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from shlex import quote
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+if TYPE_CHECKING:
+    from steerlab.analysis.summary import Summary
+
 Noise = Literal["paper", "low", "human", "high"]
 Preset = Literal["lab", "paper"]
+Ladder = Literal["full", "quick"]
 Out = Annotated[Path, tyro.conf.arg(metavar="DIR", help="Folder for the results.")]
 Force = Annotated[bool, tyro.conf.arg(help="Replace the folder if it is not empty.")]
 Seed = Annotated[int, tyro.conf.arg(help="The same seed gives the same labels and figures.")]
@@ -29,7 +34,15 @@ def demo(
     Example: steerlab demo --out my-demo
     """
     return _simulate(
-        out, force, json, teachers=16, new_teachers=16, noise="human", rollouts=8, seed=seed
+        out,
+        force,
+        json,
+        teachers=16,
+        new_teachers=16,
+        noise="human",
+        rollouts=8,
+        ladder="quick",
+        seed=seed,
     )
 
 
@@ -40,6 +53,9 @@ def simulate(
     noise: Annotated[Noise, tyro.conf.arg(help="How noisy the teachers are.")] = "human",
     rollouts: Annotated[int, tyro.conf.arg(help="Calibration rollouts, 4 to 12.")] = 12,
     preset: Annotated[Preset, tyro.conf.arg(help="Tuned settings, or the paper's own.")] = "lab",
+    ladder: Annotated[
+        Ladder, tyro.conf.arg(help="Rival mappers: all, or those that train no network.")
+    ] = "full",
     seed: Seed = 0,
     force: Force = False,
     json: Json = False,
@@ -57,6 +73,7 @@ def simulate(
         noise=noise,
         rollouts=rollouts,
         preset=preset,
+        ladder=ladder,
         seed=seed,
     )
 
@@ -111,9 +128,72 @@ def calibration_set(
     return 0
 
 
+def fit(
+    labels: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LABELS")],
+    out: Out,
+    folds: Annotated[int, tyro.conf.arg(help="Without a split column: how often to hold out.")] = 4,
+    preset: Annotated[Preset, tyro.conf.arg(help="Tuned settings, or the paper's own.")] = "lab",
+    limit: Annotated[float, tyro.conf.arg(help="Labels are within plus or minus this.")] = 2.5,
+    rate_hz: Annotated[
+        float | None, tyro.conf.arg(help="Steps a second, without a t_s column; 20 by default.")
+    ] = None,
+    seed: Seed = 0,
+    force: Force = False,
+    json: Json = False,
+) -> int:
+    """Learn from any table of labels, judge the result by cross-validation, and report.
+
+    LABELS is a .csv or .parquet file with the columns person, rollout, step, label and truth;
+    docs/fit.md has the format, docs/example-labels.csv an example.
+
+    Example: steerlab fit docs/example-labels.csv --out my-fit
+    """
+    from steerlab.teleop.fit import FitConfig
+    from steerlab.teleop.fit import fit as run
+
+    config = FitConfig(folds=folds, preset=preset, seed=seed, limit=limit, rate_hz=rate_hz)
+    given = {name: value for name, value in vars(config).items() if value is not None}
+    command = _command("fit", given, out, labels.name)
+    with _progress() as progress:
+        summary = run(labels, config, out, force=force, command=command, progress=progress)
+    return _say(summary, out, as_json=json)
+
+
+def synthetic(
+    out: Out,
+    people: Annotated[int, tyro.conf.arg(help="Demonstrators the mapper is trained on.")] = 34,
+    new_people: Annotated[int, tyro.conf.arg(help="Demonstrators it has never seen.")] = 34,
+    seed: Seed = 0,
+    force: Force = False,
+    json: Json = False,
+) -> int:
+    """The paper's synthetic experiment, its figure 2, and our numbers beside its 61 % and 55 %.
+
+    Example: steerlab synthetic --seed 0 --out my-synthetic
+    """
+    from steerlab.analysis.synthetic_report import comparison_lines
+    from steerlab.learning.synthetic.experiment import SyntheticConfig
+    from steerlab.teleop.synthetic import synthetic as run
+
+    config = SyntheticConfig(people=people, new_people=new_people, seed=seed)
+    given = {"people": people, "new_people": new_people, "seed": seed}
+    command = _command("synthetic", given, out)
+    with _progress() as progress:
+        summary = run(config, out, force=force, command=command, progress=progress)
+    if json:
+        _print_json(summary.to_dict())
+        return 0
+    for line in comparison_lines(summary):
+        print(line)
+    _say_where(out)
+    return 0
+
+
 VERBS: dict[str, Callable[..., int]] = {
     "demo": demo,
     "simulate": simulate,
+    "fit": fit,
+    "synthetic": synthetic,
     "doctor": doctor,
     "calibration-set": calibration_set,
 }
@@ -148,22 +228,34 @@ def _simulate(out: Path, force: bool, as_json: bool, **settings: Any) -> int:
     from steerlab.teleop.simulate import simulate as run
 
     config = PopulationConfig(**settings)
-    command = " ".join(
-        ["steerlab simulate"]
-        + [f"--{name.replace('_', '-')} {value}" for name, value in vars(config).items()]
-        + [f"--out {out.name}"]
-    )
+    command = _command("simulate", vars(config), out)
     with _progress() as progress:
         summary = run(config, out, force=force, command=command, progress=progress)
+    return _say(summary, out, as_json=as_json)
+
+
+def _command(verb: str, settings: Mapping[str, object], out: Path, *arguments: str) -> str:
+    """The command line that gives the same results, with every setting spelt out."""
+    options = [f"--{name.replace('_', '-')} {value}" for name, value in settings.items()]
+    return " ".join(
+        ["steerlab", verb, *map(quote, arguments), *options, f"--out {quote(out.name)}"]
+    )
+
+
+def _say(summary: "Summary", out: Path, *, as_json: bool) -> int:
     if as_json:
         _print_json(summary.to_dict())
         return 0
     from steerlab.analysis.wording import headline
 
     print(headline(summary))
+    _say_where(out)
+    return 0
+
+
+def _say_where(out: Path) -> None:
     print(f"Report: {out / 'report' / 'index.html'}")
     print(f"Numbers: {out / 'summary.json'}")
-    return 0
 
 
 @contextmanager

@@ -1,14 +1,15 @@
 """A calibration study with scripted teachers: label, fit, calibrate, score."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Literal, get_args
 
 import numpy as np
 import pyarrow as pa
 
-from steerlab.learning.baselines import IdentityMapper, MeanEmbeddingMapper, PersonGainMapper
 from steerlab.learning.label_quality import LabelQuality, mapper_quality
+from steerlab.learning.ladder import build_ladder
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper, stack_embeddings
 from steerlab.learning.presets import preset
 from steerlab.learning.probe import StyleProbe, style_parameters
@@ -25,6 +26,9 @@ from steerlab.teleop.loop import NullClock, label_rollout
 Progress = Callable[[str, float], None]
 """Told what is being done and which share of it is, 0 to 1."""
 
+Ladder = Literal["full", "quick"]
+"""Which rungs: all, or those that need no further training of a network."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PopulationConfig:
@@ -35,6 +39,7 @@ class PopulationConfig:
     noise: PopulationKind = "human"
     rollouts: int = 12
     preset: str = "lab"
+    ladder: Ladder = "full"
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -45,6 +50,10 @@ class PopulationConfig:
                     f"{least}."
                 )
         preset(self.preset)
+        if self.ladder not in get_args(Ladder):
+            raise InvalidConfig(
+                f"ladder is {self.ladder!r}; choose one of {', '.join(get_args(Ladder))}."
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +127,17 @@ def run_population(config: PopulationConfig, progress: Progress) -> PopulationRe
     seconds["calibrate"] = perf_counter() - started
 
     started = perf_counter()
-    ladder = _ladder(mapper, parts)
+    ladder = build_ladder(
+        mapper,
+        parts,
+        seed=config.seed,
+        on_step=progress,
+        full=config.ladder == "full",
+        styles={teacher.name: teacher.style for teacher in (*seen, *new)},
+    )
+    seconds["ladder"] = perf_counter() - started
+
+    started = perf_counter()
     scores = {
         split: _score(ladder, mapper, held_out, config.seed)
         for split, held_out in (("seen", parts.held_out_seen), ("new", parts.held_out_new))
@@ -152,16 +171,8 @@ def _label(
     return tables
 
 
-def _ladder(mapper: MindMeldMapper, parts: StudySplit) -> list[LabelMapper]:
-    """All mappers, fitted and calibrated, worst first."""
-    gain = PersonGainMapper()
-    gain.fit(parts.train_seen)
-    gain.calibrate(parts.calibrate_new)
-    return [IdentityMapper(), gain, MeanEmbeddingMapper(mapper), mapper]
-
-
 def _score(
-    ladder: Sequence[LabelMapper],
+    ladder: Mapping[str, LabelMapper],
     mapper: LabelMapper,
     held_out: Sequence[LabelSeries],
     seed: int,
@@ -176,7 +187,8 @@ def _score(
     table = np.array([sums[person] for person in people])
     return Scores(
         ladder={
-            one.name: mapper_quality(one, held_out, np.random.default_rng(seed)) for one in ladder
+            name: mapper_quality(one, held_out, np.random.default_rng(seed))
+            for name, one in ladder.items()
         },
         people_before=table[:, 0] / table[:, 2],
         people_after=table[:, 1] / table[:, 2],

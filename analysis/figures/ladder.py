@@ -32,13 +32,14 @@ _NAMES = {
     "shared_gain": "one gain for all",
     "person_gain": "a gain per person",
     "person_gain_lag": "a gain and lag per person",
+    "shared_ridge": "one linear window for all",
     "person_ridge": "a linear window per person",
     "no_embedding": "network without embedding",
     "mean_embedding": "MIND MELD with one embedding for all",
     "shuffled_embedding": "MIND MELD with shuffled embeddings",
-    "shuffled_embeddings": "MIND MELD with shuffled embeddings",
     "mind_meld": "MIND MELD",
-    "oracle_style": "true style known (ceiling)",
+    "mind_meld_paper": "MIND MELD, the paper's settings",
+    "true_style": "true style known (ceiling)",
 }
 
 

@@ -85,7 +85,7 @@ def test_a_better_baseline_is_not_kept_quiet(summary: Summary, baseline: float, 
 
 
 def test_a_ceiling_is_no_baseline(summary: Summary):
-    with_ceiling = with_new(summary, ci95=(0.5, 0.7), oracle_style=0.9)
+    with_ceiling = with_new(summary, ci95=(0.5, 0.7), true_style=0.9)
     assert comparison(with_ceiling) == comparison(summary)
     only = {name: {"identity": 0.0, "mind_meld": 0.6} for name in ("seen", "new")}
     alone = replace(

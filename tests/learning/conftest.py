@@ -1,14 +1,17 @@
 """Small rollouts with oracle-like labels, people who label them, and one trained mapper."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from steerlab.learning.mapper import MindMeldMapper
+from steerlab.learning.ladder import CEILING, NoEmbeddingMapper, TrueStyleMapper, build_ladder
+from steerlab.learning.mapper import LabelMapper, MindMeldMapper
 from steerlab.learning.presets import MapperConfig
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.splits import StudySplit, split_rollouts, split_study
+from steerlab.learning.streaming import StreamingMapper
 from steerlab.learning.training import TrainingConfig
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.populations import sample_population
@@ -18,7 +21,9 @@ from steerlab.sim.vehicle import WHEEL_LIMIT
 from steerlab.sim.world import WorldSpec
 
 CONTROL_HZ = 20.0
-QUICK = MapperConfig(training=TrainingConfig(epochs=40, share_per_epoch=0.3, batch_size=256))
+_SMALL = TrainingConfig(share_per_epoch=0.3, least_per_epoch=1, batch_size=256)
+BRIEF = MapperConfig(training=replace(_SMALL, epochs=3))
+QUICK = MapperConfig(training=replace(_SMALL, epochs=40))
 
 LabelPeople = Callable[[Sequence[ScriptedTeacher], Sequence[Rollout]], list[LabelSeries]]
 
@@ -109,3 +114,32 @@ def trained(study: StudySplit) -> MindMeldMapper:
     mapper.fit(study.train_seen)
     mapper.calibrate(study.calibrate_new)
     return mapper
+
+
+@pytest.fixture(scope="session")
+def streaming(study: StudySplit) -> StreamingMapper:
+    """Waits 0.2 s; barely trained, since what it must equal is itself. Treat as read-only."""
+    mapper = StreamingMapper(0.2, BRIEF, seed=5)
+    mapper.fit(study.train_seen)
+    mapper.calibrate(study.calibrate_new)
+    return mapper
+
+
+@pytest.fixture(scope="session")
+def ladder(
+    study: StudySplit, trained: MindMeldMapper, streaming: StreamingMapper, people
+) -> dict[str, LabelMapper]:
+    """Every rung; those that train a network beyond MIND MELD's do so briefly."""
+    rungs = build_ladder(trained, study, seed=5, on_step=lambda what, share: None, full=False)
+    styles = {one.name: one.style for group in people.values() for one in group}
+    trained_apart = (
+        NoEmbeddingMapper(BRIEF, seed=5),
+        MindMeldMapper(BRIEF, seed=5, name="mind_meld_paper"),
+        TrueStyleMapper(styles, BRIEF, seed=5),
+    )
+    for mapper in trained_apart:
+        mapper.fit(study.train_seen)
+        mapper.calibrate(study.calibrate_new)
+        rungs[mapper.name] = mapper
+    assert CEILING in rungs
+    return rungs | {streaming.name: streaming}

@@ -1,10 +1,11 @@
+import copy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
-from steerlab.learning.calibration import CalibrationConfig, calibrate, encode
+from steerlab.learning.calibration import CalibrationConfig, calibrate, encode, spread_rows
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.windows import WindowConfig, make_windows
 
@@ -30,7 +31,7 @@ def test_a_known_embedding_is_recovered(trained, study):
     windows = with_known_embeddings(trained, study, true)
     found = calibrate(
         trained.network, windows, trained.mean_embedding, 0.0, CalibrationConfig(iterations=60)
-    )
+    ).embeddings
     at_mean = trained.mean_embedding.repeat(6, 1)
     before = difference_loss(trained, windows, at_mean)
     after = difference_loss(trained, windows, found)
@@ -40,7 +41,7 @@ def test_a_known_embedding_is_recovered(trained, study):
 
 def test_calibration_beats_the_mean_for_everyone(trained, study):
     windows = make_windows(study.calibrate_new, WindowConfig())
-    found = calibrate(trained.network, windows, trained.mean_embedding, 0.01)
+    found = calibrate(trained.network, windows, trained.mean_embedding, 0.01).embeddings
     at_mean = trained.mean_embedding.repeat(6, 1)
     before = difference_loss(trained, windows, at_mean)
     after = difference_loss(trained, windows, found)
@@ -50,12 +51,12 @@ def test_calibration_beats_the_mean_for_everyone(trained, study):
 
 def test_people_are_calibrated_independently(trained, study):
     windows = make_windows(study.calibrate_new, WindowConfig())
-    together = calibrate(trained.network, windows, trained.mean_embedding, 0.01)
+    together = calibrate(trained.network, windows, trained.mean_embedding, 0.01).embeddings
     person = study.calibrate_new[-1].person
     alone = [one for one in study.calibrate_new if one.person == person]
     (apart,) = calibrate(
         trained.network, make_windows(alone, WindowConfig()), trained.mean_embedding, 0.01
-    )
+    ).embeddings
     torch.testing.assert_close(together[-1], apart, atol=0.02, rtol=0.0)
 
 
@@ -66,7 +67,7 @@ def test_a_network_blind_to_w_leaves_it_at_the_mean(trained, study):
     try:
         column.zero_()
         windows = make_windows(study.calibrate_new[:2], WindowConfig())
-        found = calibrate(network, windows, trained.mean_embedding, 0.0)
+        found = calibrate(network, windows, trained.mean_embedding, 0.0).embeddings
     finally:
         column.copy_(kept)
     assert torch.equal(found, trained.mean_embedding.repeat(1, 1))
@@ -82,3 +83,68 @@ def test_someone_without_a_valid_label_is_named(trained, study):
             trained.mean_embedding,
             0.01,
         )
+
+
+class _Linear(torch.nn.Module):
+    """Stands for f: exactly linear in w, with the slope's sign and size from the encoding."""
+
+    def of_encoding(self, encoding: torch.Tensor) -> torch.Tensor:
+        return encoding
+
+    def with_jacobian(self, partial: torch.Tensor, embedding: torch.Tensor):
+        slope = partial[..., :4]
+        return (slope * embedding[:, None]).sum(-1) + partial[..., 4], slope
+
+
+def test_a_mapper_linear_in_w_gives_the_dense_least_squares_solution(trained, study):
+    windows = make_windows(study.calibrate_new, WindowConfig())
+    network = copy.deepcopy(trained.network)
+    network.difference = _Linear()  # pyright: ignore[reportAttributeAccessIssue]
+    encoding = encode(network, windows.inputs)
+    tight = CalibrationConfig(tolerance=1e-12, iterations=60)
+    found = calibrate(network, windows, torch.zeros(4), 0.0, tight)
+    for index in range(len(windows.people)):
+        own = windows.valid & (windows.person == index)
+        slope, offset = encoding[own, :4].double(), encoding[own, 4].double()
+        target = windows.difference[own].double() - offset
+        expected = torch.linalg.lstsq(slope, target[:, None]).solution[:, 0]
+        torch.testing.assert_close(found.embeddings[index].double(), expected, atol=2e-3, rtol=1e-3)
+
+
+def test_the_difference_is_label_minus_truth(study):
+    """Sign of Eq. 2: d = a - o, and mapped = a - d."""
+    one = study.calibrate_new[0]
+    windows = make_windows([one], WindowConfig())
+    expected = (one.label - one.truth)[one.valid]
+    np.testing.assert_allclose(windows.difference[windows.valid].numpy(), expected, atol=1e-6)
+
+
+def test_a_mapper_that_says_d_maps_to_a_minus_d(trained, study):
+    one = study.held_out_new[0]
+    windows = make_windows([one], WindowConfig())
+    network, w = trained.network, trained.embedding_tensor(one.person)
+    encoding = encode(network, windows.inputs)
+    difference = network.difference(encoding, w.expand(len(encoding), -1)).double().numpy()
+    expected = np.clip(one.label - difference, -2.5, 2.5)
+    np.testing.assert_allclose(trained.map(one), expected, atol=1e-6)
+
+
+def test_spread_rows_are_valid_even_and_the_persons_own(study):
+    one, two = study.calibrate_new[0], study.calibrate_new[-1]
+    rows = spread_rows([one, two, one], 50)
+    valid = np.concatenate([one.valid, two.valid, one.valid])
+    assert valid[rows].all()
+    assert (np.diff(rows) > 0).all()
+    second = (rows >= one.steps) & (rows < one.steps + two.steps)
+    assert (second.sum(), (~second).sum()) == (50, 50)
+    everything = spread_rows([one], 10_000)
+    np.testing.assert_array_equal(everything, np.flatnonzero(one.valid))
+
+
+def test_chosen_rows_are_rows_of_all(study):
+    rows = np.array([0, 5, 199, 200, 399])
+    everything = make_windows(study.calibrate_new[:2], WindowConfig())
+    chosen = make_windows(study.calibrate_new[:2], WindowConfig(), rows)
+    assert torch.equal(chosen.inputs, everything.inputs[rows])
+    assert torch.equal(chosen.person, everything.person[rows])
+    assert torch.equal(chosen.label, everything.label[rows])

@@ -23,10 +23,11 @@ def _path(tmp_path, trained):
 def header_of(trained) -> dict:
     return {
         "format": "steerlab.mind_meld",
-        "version": 1,
+        "version": 2,
         "seed": 5,
         "config": trained.config.to_dict(),
         "people": list(trained.people),
+        "calibrated": {},
     }
 
 
@@ -99,7 +100,7 @@ def test_foreign_headers_are_refused(path, trained):
     for header, message in (
         ([], "not a JSON object"),
         ({"format": "other"}, "'other'"),
-        (header_of(trained) | {"version": 2}, "version 2"),
+        (header_of(trained) | {"version": 1}, "version 1"),
     ):
         rewrite(path, header)
         with pytest.raises(InvalidCheckpoint, match=message):
@@ -116,7 +117,7 @@ def test_contents_that_do_not_fit_the_header_are_refused(path, trained):
     rewrite(path, header, embeddings=torch.zeros(2, 4))
     with pytest.raises(InvalidCheckpoint, match=r"\(2, 4\) for 18 people"):
         load_mapper(path)
-    rewrite(path, {"format": "steerlab.mind_meld", "version": 1})
+    rewrite(path, {"format": "steerlab.mind_meld", "version": 2})
     with pytest.raises(InvalidCheckpoint, match="does not fit"):
         load_mapper(path)
 

@@ -10,7 +10,7 @@ from steerlab.learning.training import TrainingConfig, torch_threads, train
 from steerlab.learning.windows import WindowConfig, make_windows
 from steerlab.sim.errors import InvalidConfig
 
-SHORT = TrainingConfig(epochs=3, batch_size=128, share_per_epoch=0.1)
+SHORT = TrainingConfig(epochs=3, batch_size=128, share_per_epoch=0.1, least_per_epoch=1)
 
 
 @pytest.fixture(scope="module", name="windows")
@@ -50,7 +50,7 @@ def test_the_loss_falls_and_progress_is_told(windows):
         on_epoch=lambda done, of: told.append((done, of)),
     )
     assert told == [(done, 6) for done in range(1, 7)]
-    assert result.history[-1][0] < 0.5 * result.history[0][0]
+    assert result.history[-1][0] < 0.6 * result.history[0][0]
 
 
 def test_masked_steps_never_train(study):

@@ -1,0 +1,243 @@
+"""From the columns of a label file to one ``LabelSeries`` per person and rollout."""
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+
+from steerlab.learning.errors import InvalidLabels
+from steerlab.learning.label_file import SPLITS, IntArray, LabelColumns
+from steerlab.learning.series import LabelSeries
+from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.rollout import FloatArray
+from steerlab.sim.vehicle import WHEEL_LIMIT
+
+DEFAULT_RATE_HZ = 20.0
+_MOST_MISSING = 10  # times the rows there are: beyond this, step is no count of control steps
+_UNEVEN = 0.1  # of a step: clocks that were rounded pass, frames that were dropped do not
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelScale:
+    """The range of a table's labels and, without ``t_s``, their rate.
+
+    Attributes:
+        limit: labels are within ±``limit``; they are learned scaled to ±``WHEEL_LIMIT``.
+        rate_hz: None takes it from ``t_s``, or ``DEFAULT_RATE_HZ`` where there is none.
+    """
+
+    limit: float = WHEEL_LIMIT
+    rate_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("limit", "rate_hz"):
+            value = getattr(self, name)
+            if value is not None and not (isfinite(value) and value > 0.0):
+                raise InvalidConfig(f"{name.replace('_', '-')} is {value}; it must be positive.")
+
+    @property
+    def wheel_per_unit(self) -> float:
+        """Wheel units to one unit of the table."""
+        return WHEEL_LIMIT / self.limit
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class GivenSeries:
+    """A series, and which of its steps the table has; steps it lacks are masked in the series.
+
+    Attributes:
+        steps: the numbers of the steps given, rising; ``series`` starts at ``steps[0]``.
+        split: one of ``SPLITS``, or None.
+    """
+
+    series: LabelSeries
+    steps: IntArray
+    split: str | None
+
+    @property
+    def rows(self) -> IntArray:
+        """Where in ``series`` the given steps are."""
+        return self.steps - self.steps[0]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LabelTable:
+    """A label file ready to learn from: series by person and rollout, in wheel units.
+
+    Attributes:
+        notices: what was left out or masked, in sentences for the report.
+    """
+
+    given: tuple[GivenSeries, ...]
+    scale: LabelScale
+    notices: tuple[str, ...]
+
+    @property
+    def has_split(self) -> bool:
+        """Whether the table says itself what trains and what is held out."""
+        return self.given[0].split is not None
+
+
+def label_table(columns: LabelColumns, scale: LabelScale) -> LabelTable:
+    """Sort and cut the columns into series. A step that is missing between others is masked.
+
+    Raises:
+        InvalidLabels: a label is beyond the limit, a step comes twice or jumps too far, times are
+            uneven, a pair is in two splits, or no row has both label and truth.
+    """
+    for name in ("label", "truth"):
+        _check_range(name, columns, getattr(columns, name), scale.limit)
+    known = np.isfinite(columns.label) & np.isfinite(columns.truth)
+    if not known.any():
+        raise InvalidLabels("No row has both a label and a truth; there is nothing to learn from.")
+    pair = columns.person * len(columns.rollouts) + columns.rollout
+    order = np.lexsort((columns.step, pair))
+    pair, step = pair[order], columns.step[order]
+    starts = np.flatnonzero(np.r_[True, pair[1:] != pair[:-1]])
+    ends = np.r_[starts[1:], len(pair)]
+    first_rows = order[starts]
+    names = [
+        (columns.people[columns.person[row]], columns.rollouts[columns.rollout[row]])
+        for row in first_rows
+    ]
+    _check_steps(step, starts, ends, names)
+    spans = step[ends - 1] - step[starts] + 1
+    offsets = np.r_[0, np.cumsum(spans)]
+    place = np.repeat(offsets[:-1] - step[starts], ends - starts) + step
+
+    def spread(values: FloatArray) -> FloatArray:
+        filled = np.full(offsets[-1], np.nan)
+        filled[place] = values[order]
+        return filled
+
+    label = spread(columns.label * scale.wheel_per_unit)
+    truth = spread(columns.truth * scale.wheel_per_unit)
+    valid = np.isfinite(label) & np.isfinite(truth)
+    missing = int(offsets[-1] - len(step))
+    context, notices = columns.context, list(columns.notices)
+    if missing and context:
+        notices += [f"Column {name} was left out: steps are missing." for name in context]
+        context = {}
+    wide = np.column_stack([spread(v) for v in context.values()]) if context else None
+    rates = _rates(columns, order, starts, ends, names, scale)
+    splits = _splits(columns, order, starts, ends, names)
+    given: list[GivenSeries] = []
+    for index, (person, rollout) in enumerate(names):
+        rows = slice(offsets[index], offsets[index + 1])
+        series = LabelSeries(
+            person=person,
+            rollout=rollout,
+            rate_hz=float(rates[index]),
+            label=label[rows],
+            truth=truth[rows],
+            valid=valid[rows],
+            context=np.empty((0, 0)) if wide is None else wide[rows],
+            context_names=tuple(context),
+        )
+        given.append(
+            GivenSeries(series=series, steps=step[starts[index] : ends[index]], split=splits[index])
+        )
+    if blank := int((~known).sum()):
+        notices.append(f"{blank} of {len(known)} rows lack label or truth and are masked.")
+    if missing:
+        notices.append(f"{missing} steps are missing between others and are masked.")
+    return LabelTable(given=tuple(given), scale=scale, notices=tuple(notices))
+
+
+def _check_range(name: str, columns: LabelColumns, values: FloatArray, limit: float) -> None:
+    beyond = np.abs(values) > limit * (1.0 + 1e-9)  # False for NaN
+    if not beyond.any():
+        return
+    row = int(np.argmax(beyond))
+    where = (
+        f"{columns.people[columns.person[row]]!r} on {columns.rollouts[columns.rollout[row]]!r}, "
+        f"step {columns.step[row]}"
+    )
+    if not np.isfinite(values[beyond]).all():
+        raise InvalidLabels(f"{where}: {name} is infinite; leave it empty where there is none.")
+    largest = float(np.abs(values[beyond]).max())
+    raise InvalidLabels(
+        f"{where}: {name} {values[row]:g} is outside ±{limit:g}; if the labels have another range, "
+        f"give it as --limit ({largest:g} or more)."
+    )
+
+
+def _check_steps(
+    step: IntArray, starts: IntArray, ends: IntArray, names: list[tuple[str, str]]
+) -> None:
+    inside = np.ones(len(step) - 1, dtype=bool)
+    inside[starts[1:] - 1] = False
+    repeats = np.flatnonzero((np.diff(step) == 0) & inside)
+    if len(repeats):
+        person, rollout = names[int(np.searchsorted(starts, repeats[0], side="right")) - 1]
+        raise InvalidLabels(
+            f"{person!r} on {rollout!r} has step {step[repeats[0]]} twice; number the steps of "
+            f"each rollout, or give an attempt column."
+        )
+    rows = ends - starts
+    sparse = np.flatnonzero(step[ends - 1] - step[starts] + 1 > _MOST_MISSING * rows)
+    if len(sparse):
+        index = sparse[0]
+        person, rollout = names[index]
+        raise InvalidLabels(
+            f"{person!r} on {rollout!r} has {rows[index]} rows for steps {step[starts[index]]} to "
+            f"{step[ends[index] - 1]}; step must count control steps: 0, 1, 2."
+        )
+
+
+def _rates(
+    columns: LabelColumns,
+    order: IntArray,
+    starts: IntArray,
+    ends: IntArray,
+    names: list[tuple[str, str]],
+    scale: LabelScale,
+) -> FloatArray:
+    if columns.t_s is None:
+        return np.full(len(starts), scale.rate_hz or DEFAULT_RATE_HZ)
+    t_s, step = columns.t_s[order], columns.step[order]
+    counts = step[ends - 1] - step[starts]
+    spans = t_s[ends - 1] - t_s[starts]
+    several = counts > 0
+    step_s = np.where(several, spans / np.maximum(counts, 1), np.nan)
+    lines = np.repeat(t_s[starts], ends - starts) + np.repeat(step_s, ends - starts) * (
+        step - np.repeat(step[starts], ends - starts)
+    )
+    off = np.abs(t_s - lines) > _UNEVEN * np.repeat(np.abs(step_s), ends - starts)
+    backwards = several & ~(step_s > 0.0)
+    if off.any() or backwards.any():
+        row = int(np.argmax(off)) if off.any() else int(starts[np.argmax(backwards)])
+        person, rollout = names[int(np.searchsorted(starts, row, side="right")) - 1]
+        raise InvalidLabels(
+            f"{person!r} on {rollout!r}, step {step[row]}: t_s {t_s[row]:g} is not evenly spaced; "
+            f"resample the labels, or drop the column and give --rate-hz."
+        )
+    rates = np.round(1.0 / step_s, 4)
+    if not several.any():
+        rates[:] = scale.rate_hz or DEFAULT_RATE_HZ
+    found = float(np.nanmedian(rates))
+    if scale.rate_hz is not None and abs(found / scale.rate_hz - 1.0) > 0.01:
+        raise InvalidLabels(
+            f"--rate-hz is {scale.rate_hz:g}, but t_s says {found:g}; drop the one that is wrong."
+        )
+    return np.where(several, rates, found)  # a lone step has no neighbours, so any rate will do
+
+
+def _splits(
+    columns: LabelColumns,
+    order: IntArray,
+    starts: IntArray,
+    ends: IntArray,
+    names: list[tuple[str, str]],
+) -> list[str | None]:
+    if columns.split is None:
+        return [None] * len(starts)
+    split = columns.split[order]
+    mixed = np.flatnonzero(np.maximum.reduceat(split, starts) != np.minimum.reduceat(split, starts))
+    if len(mixed):
+        person, rollout = names[mixed[0]]
+        raise InvalidLabels(
+            f"{person!r} on {rollout!r} is in two splits; windows overlap, so a rollout must be "
+            f"in one."
+        )
+    return [SPLITS[code] for code in split[starts]]

@@ -1,0 +1,169 @@
+"""MIND MELD's network trained with embeddings that are given, not learned."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from steerlab.learning.errors import NotFitted, UnknownPerson
+from steerlab.learning.mapper import map_windows
+from steerlab.learning.mind_meld import MindMeld
+from steerlab.learning.presets import LAB, MapperConfig
+from steerlab.learning.series import LabelSeries
+from steerlab.learning.training import train
+from steerlab.learning.windows import make_windows
+from steerlab.sim.rollout import FloatArray
+from steerlab.sim.scripted_teacher import TeacherStyle
+
+
+class NoEmbeddingMapper:
+    """The same network, window and training with w held at 0 for everybody: one map for all.
+
+    Args:
+        config: as for MIND MELD; nothing is inferred of w, so lambda is 0.
+        seed: of weights and batches.
+        on_epoch: called with (epochs done, epochs) while fitting.
+    """
+
+    name = "no_embedding"
+
+    def __init__(
+        self,
+        config: MapperConfig = LAB,
+        *,
+        seed: int,
+        on_epoch: Callable[[int, int], None] | None = None,
+    ) -> None:
+        self._config, self._seed, self._on_epoch = config, seed, on_epoch
+        self._network: MindMeld | None = None
+
+    def fit(self, series: Sequence[LabelSeries]) -> None:
+        """Train the network.
+
+        Raises:
+            InvalidLabels: no series, or someone without a valid step.
+        """
+        self._network = _train(
+            series, self._config, self._seed, self._on_epoch, lambda person, mirrored: self._w
+        )
+
+    def calibrate(self, series: Sequence[LabelSeries]) -> None:
+        """Nothing to learn: everyone's w is 0."""
+
+    def map(self, series: LabelSeries) -> FloatArray:
+        """Mapped labels (steps,).
+
+        Raises:
+            NotFitted: ``fit`` was not called.
+        """
+        return _map(self.name, self._network, self._config, self._w, series)
+
+    @property
+    def _w(self) -> Tensor:
+        return torch.zeros(self._config.network.embedding_size)
+
+
+class TrueStyleMapper:
+    """A reference, not a method: w is the teacher's true style, for seen and for new people.
+
+    What the same network reaches when nothing has to be inferred; an estimate of the ceiling.
+    Style parameters are standardised over the people it is fitted on.
+
+    Args:
+        styles: of everyone who will be mapped.
+        config: as for MIND MELD; w has a dimension for each parameter, and lambda is 0.
+        seed: of weights and batches.
+        on_epoch: called with (epochs done, epochs) while fitting.
+    """
+
+    name = "true_style"
+
+    def __init__(
+        self,
+        styles: Mapping[str, TeacherStyle],
+        config: MapperConfig = LAB,
+        *,
+        seed: int,
+        on_epoch: Callable[[int, int], None] | None = None,
+    ) -> None:
+        self._styles = dict(styles)
+        size = len(fields(TeacherStyle))
+        self._config = replace(config, network=replace(config.network, embedding_size=size))
+        self._seed, self._on_epoch = seed, on_epoch
+        self._network: MindMeld | None = None
+        self._centre, self._scale = np.zeros(size), np.ones(size)
+
+    def fit(self, series: Sequence[LabelSeries]) -> None:
+        """Train the network on the true styles.
+
+        Raises:
+            UnknownPerson: someone's style was not given.
+            InvalidLabels: no series, or someone without a valid step.
+        """
+        people = dict.fromkeys(one.person for one in series)
+        styles = np.stack([style_vector(self._style(person)) for person in people])
+        self._centre, spread = styles.mean(axis=0), styles.std(axis=0)
+        self._scale = np.where(
+            spread > 0.0, spread, 1.0
+        )  # a parameter that nobody has tells nothing
+        self._network = _train(series, self._config, self._seed, self._on_epoch, self._w)
+
+    def calibrate(self, series: Sequence[LabelSeries]) -> None:
+        """Nothing to learn: new people's styles are given as well."""
+
+    def map(self, series: LabelSeries) -> FloatArray:
+        """Mapped labels (steps,).
+
+        Raises:
+            NotFitted: ``fit`` was not called.
+            UnknownPerson: the person's style was not given.
+        """
+        return _map(self.name, self._network, self._config, self._w(series.person), series)
+
+    def _style(self, person: str) -> TeacherStyle:
+        if person not in self._styles:
+            raise UnknownPerson(f"{self.name} was not given the style of {person!r}; add it.")
+        return self._styles[person]
+
+    def _w(self, person: str, mirrored: bool = False) -> Tensor:
+        style = self._style(person)
+        if mirrored:  # the bias is all that tells left from right
+            style = replace(style, bias=-style.bias)
+        standardised = (style_vector(style) - self._centre) / self._scale
+        return torch.from_numpy(standardised.astype(np.float32))
+
+
+def style_vector(style: TeacherStyle) -> FloatArray:
+    """Every parameter of a style, the gain as its logarithm, (parameters,)."""
+    values = {**vars(style), "gain": np.log(style.gain)}
+    return np.array(list(values.values()), dtype=np.float64)
+
+
+def _train(
+    series: Sequence[LabelSeries],
+    config: MapperConfig,
+    seed: int,
+    on_epoch: Callable[[int, int], None] | None,
+    embedding: Callable[[str, bool], Tensor],
+) -> MindMeld:
+    windows = make_windows(series, config.window)
+    images = (False, True) if config.training.mirror else (False,)
+    given = torch.stack(
+        [embedding(person, mirrored) for mirrored in images for person in windows.people]
+    )
+    training = replace(config.training, embedding_loss_weight=0.0)
+    return train(windows, config.network, training, seed, on_epoch, given=given).network
+
+
+def _map(
+    name: str,
+    network: MindMeld | None,
+    config: MapperConfig,
+    embedding: Tensor,
+    series: LabelSeries,
+) -> FloatArray:
+    if network is None:
+        raise NotFitted(f"{name} is not trained; call fit.")
+    return map_windows(network, make_windows([series], config.window), embedding)

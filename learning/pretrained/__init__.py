@@ -1,0 +1,1 @@
+"""The simulation-pretrained mapper: MIND MELD's task, learned from simulated teachers."""

@@ -1,0 +1,148 @@
+"""``PretrainedModel``: style encoder and network together, and how they map labels."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from steerlab.learning.empirical_bayes.features import at_stop, label_features
+from steerlab.learning.empirical_bayes.grid import RATE_HZ
+from steerlab.learning.pretrained.network import (
+    INPUTS,
+    ResidualNetwork,
+)
+from steerlab.learning.pretrained.style import StyleEncoder, mirrored_style
+from steerlab.learning.pretrained.teachers import STYLE
+from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.vehicle import WHEEL_LIMIT
+
+DELAY_RANGE_S = (-0.8, 1.3)  # of what was simulated
+LOG_GAIN_RANGE = (-1.3, 1.3)
+MIRROR_OF_MOTION = np.array([-1.0, 1.0, -1.0])  # yaw rate, speed, robot wheel
+YAW_RATE_SCALE = 0.5  # rad/s; brings the car's turning to the size of a label
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PretrainedModel:
+    """What pre-training leaves.
+
+    Attributes:
+        encoder: calibration labels to coefficients and w.
+        network: corrects the closed-form prediction.
+        style_readout: (1 + STYLE_SIZE, parameters) from w to ``teachers.STYLE``, least squares.
+        seed: it was made from.
+    """
+
+    encoder: StyleEncoder
+    network: ResidualNetwork
+    style_readout: FloatArray
+    seed: int
+
+
+def closed_form(label: NDArray[Any], coefficients: FloatArray) -> FloatArray:
+    """The inverse model's truth: label (batch, samples), coefficients (batch, features)."""
+    predicted = np.einsum("bsf,bf->bs", label_features(label), coefficients)
+    return np.clip(predicted, -WHEEL_LIMIT, WHEEL_LIMIT)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Alignment:
+    """How to bring labels to the time and size of the truth, roughly; (batch,) each."""
+
+    delay_s: FloatArray
+    gain: FloatArray
+    bias: FloatArray
+
+    @classmethod
+    def from_style(cls, style: FloatArray, readout: FloatArray) -> "Alignment":
+        """From w (batch, STYLE_SIZE), by the readout (1 + STYLE_SIZE, parameters)."""
+        values = dict(zip(STYLE, (readout[0] + style @ readout[1:]).T, strict=True))
+        return cls(
+            delay_s=np.clip(values["delay_s"] + values["lag_s"], *DELAY_RANGE_S),
+            gain=np.exp(np.clip(values["log_gain"], *LOG_GAIN_RANGE)),
+            bias=values["bias"],
+        )
+
+
+def network_inputs(
+    label: NDArray[Any],
+    prediction: FloatArray,
+    present: BoolArray,
+    alignment: Alignment,
+    motion: NDArray[Any] | None,
+) -> Tensor:
+    """Input channels: all (batch, samples), motion (batch, samples, 3) or None -> (.., channels).
+
+    Args:
+        motion: yaw rate, speed and robot wheel; without it the context channels are 0.
+    """
+    channels = np.zeros((*label.shape, len(INPUTS)), dtype=np.float32)
+    stop = np.sign(label) * at_stop(label)
+    held = present.astype(np.float64)
+    channels[..., 0] = label
+    channels[..., 1] = prediction
+    channels[..., 2] = stop
+    channels[..., 3] = 1.0
+    channels[~present] = 0.0
+    unbiased = (label - alignment.bias[:, None]) / alignment.gain[:, None]
+    samples = label.shape[1]
+    position = np.arange(samples) + alignment.delay_s[:, None] * RATE_HZ
+    inside = (position >= 0.0) & (position <= samples - 1.0)
+    position = np.clip(position, 0.0, samples - 1.0)
+    below = np.minimum(position.astype(np.int64), max(samples - 2, 0))
+    weight = position - below
+    above = np.minimum(below + 1, samples - 1)
+    rows = np.arange(len(label))[:, None]
+    for channel, values in ((4, unbiased), (5, stop), (6, held)):
+        channels[..., channel] = inside * (
+            (1.0 - weight) * values[rows, below] + weight * values[rows, above]
+        )
+    channels[..., 4:6] *= channels[..., 6:7] > 0.99
+    if motion is not None:
+        channels[..., -3] = motion[..., 0] / YAW_RATE_SCALE
+        channels[..., -2] = motion[..., 2]
+        channels[..., -1] = 1.0
+    return torch.from_numpy(channels)
+
+
+def map_labels(
+    network: ResidualNetwork,
+    readout: FloatArray,
+    coefficients: FloatArray,
+    style: FloatArray,
+    label: FloatArray,
+    present: BoolArray,
+    motion: FloatArray | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Mapped labels and their expected absolute error, (batch, samples) each.
+
+    Averaged over the labels and their mirror image, so left and right are treated exactly alike.
+
+    Args:
+        network: frozen or fine-tuned.
+        readout: see ``PretrainedModel.style_readout``.
+        coefficients: (batch, features).
+        style: (batch, STYLE_SIZE).
+        label: (batch, samples), bridged.
+        present: (batch, samples).
+        motion: (batch, samples, 3) or None.
+    """
+    prediction = closed_form(label, coefficients)
+    mirrored_motion = None if motion is None else motion * MIRROR_OF_MOTION
+    corrections: list[FloatArray] = []
+    log_spreads: list[FloatArray] = []
+    for sign, w, moved in (
+        (1.0, style, motion),
+        (-1.0, mirrored_style(style), mirrored_motion),
+    ):
+        alignment = Alignment.from_style(w, readout)
+        inputs = network_inputs(sign * label, sign * prediction, present, alignment, moved)
+        with torch.no_grad():
+            correction, log_spread = network(inputs, torch.from_numpy(w.astype(np.float32)))
+        corrections.append(sign * correction.double().numpy())
+        log_spreads.append(log_spread.double().numpy())
+    mapped = prediction + np.mean(corrections, axis=0)
+    return np.clip(mapped, -WHEEL_LIMIT, WHEEL_LIMIT), np.exp(np.mean(log_spreads, axis=0))

@@ -1,0 +1,163 @@
+"""Weights files: safetensors, with sizes and origin as JSON in the header. Never pickle."""
+
+import json
+from dataclasses import asdict
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from steerlab.learning.empirical_bayes.features import FEATURES
+from steerlab.learning.empirical_bayes.gaussian import Prior
+from steerlab.learning.errors import InvalidCheckpoint
+from steerlab.learning.pretrained.model import PretrainedModel
+from steerlab.learning.pretrained.network import ResidualConfig, ResidualNetwork
+from steerlab.learning.pretrained.style import (
+    COMPONENTS,
+    FORWARD_FEATURES,
+    STYLE_SIZE,
+    StyleEncoder,
+)
+from steerlab.learning.pretrained.teachers import STYLE
+from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.rollout import FloatArray
+
+FORMAT = "steerlab.sim_pretrained"
+FORMAT_VERSION = 1
+WEIGHTS_FILE = "sim_pretrained.safetensors"
+_NETWORK = "network."
+_REMAKE = "make it again with python -m steerlab.learning.pretrained.train"
+_SCALARS = ("noise", "noise_rows", "temper")
+
+
+def save_model(model: PretrainedModel, path: Path) -> None:
+    """Write a pre-trained model."""
+    encoder = model.encoder
+    arrays: dict[str, FloatArray] = {
+        "inverse_mean": encoder.inverse.mean,
+        "inverse_covariance": encoder.inverse.covariance,
+        "forward_mean": encoder.forward.mean,
+        "forward_covariance": encoder.forward.covariance,
+        "inverse_axes": encoder.inverse_axes,
+        "forward_axes": encoder.forward_axes,
+        "offset": encoder.offset,
+        "scale": encoder.scale,
+        "style_readout": model.style_readout,
+    }
+    tensors = {name: torch.from_numpy(value).contiguous() for name, value in arrays.items()}
+    tensors |= {
+        _NETWORK + name: value.contiguous() for name, value in model.network.state_dict().items()
+    }
+    header = {
+        "format": FORMAT,
+        "version": FORMAT_VERSION,
+        "seed": model.seed,
+        "network": asdict(model.network.config),
+        "inverse": {name: getattr(encoder.inverse, name) for name in _SCALARS},
+        "forward": {name: getattr(encoder.forward, name) for name in _SCALARS},
+    }
+    save_file(tensors, path, metadata={"steerlab": json.dumps(header, sort_keys=True)})
+
+
+def load_model(path: Path) -> PretrainedModel:
+    """Read what ``save_model`` wrote, bit for bit.
+
+    Raises:
+        InvalidCheckpoint: the file is missing, damaged, of another kind or another version.
+    """
+    tensors, header = _read(path)
+    if header.get("format") != FORMAT or header.get("version") != FORMAT_VERSION:
+        raise InvalidCheckpoint(
+            f"{path} holds {header.get('format')!r} version {header.get('version')!r}, not "
+            f"{FORMAT!r} version {FORMAT_VERSION}; {_REMAKE}."
+        )
+    try:
+        arrays = {name: _array(tensors, name, shape, path) for name, shape in _shapes().items()}
+        config = ResidualConfig(**header["network"])
+        network = ResidualNetwork(config, torch.Generator().manual_seed(0))
+        network.load_state_dict(
+            {
+                name.removeprefix(_NETWORK): value
+                for name, value in tensors.items()
+                if name.startswith(_NETWORK)
+            }
+        )
+        priors = {
+            side: Prior(
+                mean=arrays[f"{side}_mean"],
+                covariance=arrays[f"{side}_covariance"],
+                **{name: float(header[side][name]) for name in _SCALARS},
+            )
+            for side in ("inverse", "forward")
+        }
+        seed = int(header["seed"])
+    except (InvalidConfig, KeyError, TypeError, ValueError, RuntimeError) as error:
+        if isinstance(error, InvalidCheckpoint):
+            raise
+        raise InvalidCheckpoint(f"{path} does not fit its own header: {error}") from error
+    encoder = StyleEncoder(
+        inverse=priors["inverse"],
+        forward=priors["forward"],
+        inverse_axes=arrays["inverse_axes"],
+        forward_axes=arrays["forward_axes"],
+        offset=arrays["offset"],
+        scale=arrays["scale"],
+    )
+    return PretrainedModel(
+        encoder=encoder,
+        network=network.requires_grad_(False),
+        style_readout=arrays["style_readout"],
+        seed=seed,
+    )
+
+
+def load_shipped_model() -> PretrainedModel:
+    """The weights that ship with the package."""
+    with as_file(files("steerlab.assets") / WEIGHTS_FILE) as path:
+        return load_model(path)
+
+
+def _shapes() -> dict[str, tuple[int, ...]]:
+    return {
+        "inverse_mean": (FEATURES,),
+        "inverse_covariance": (FEATURES, FEATURES),
+        "forward_mean": (FORWARD_FEATURES,),
+        "forward_covariance": (FORWARD_FEATURES, FORWARD_FEATURES),
+        "inverse_axes": (FEATURES, COMPONENTS),
+        "forward_axes": (FORWARD_FEATURES, COMPONENTS),
+        "offset": (STYLE_SIZE,),
+        "scale": (STYLE_SIZE,),
+        "style_readout": (1 + STYLE_SIZE, len(STYLE)),
+    }
+
+
+def _array(tensors: dict[str, Tensor], name: str, shape: tuple[int, ...], path: Path) -> FloatArray:
+    value = np.asarray(tensors[name].numpy(), dtype=np.float64)
+    if value.shape != shape or not np.isfinite(value).all():
+        raise InvalidCheckpoint(
+            f"{path}: {name} is {value.shape}, not {shape} and finite; {_REMAKE}."
+        )
+    return value
+
+
+def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    if not path.is_file():
+        raise InvalidCheckpoint(f"No weights file at {path}; {_REMAKE}.")
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (SafetensorError, OSError) as error:
+        raise InvalidCheckpoint(f"{path} is not a safetensors file: {error}") from error
+    try:
+        header = json.loads(metadata["steerlab"])
+    except (KeyError, json.JSONDecodeError) as error:
+        raise InvalidCheckpoint(f"{path} has no steerlab header; {_REMAKE}.") from error
+    if not isinstance(header, dict):
+        raise InvalidCheckpoint(f"{path} has a steerlab header that is not a JSON object.")
+    return tensors, header

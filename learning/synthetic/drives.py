@@ -1,0 +1,152 @@
+"""Artificial DAgger-like drives in the plane (paper, section Synthetic Experiment, Fig. 2 a, b).
+
+The state is the car's position; the action is the angle of the wheel, and a wheel turned by an
+angle turns the car by the same angle. The ground truth at each step is the angle by which the car
+would have to turn to face the goal.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.rollout import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveConfig:
+    """The paper gives none of these numbers; they are ours.
+
+    Attributes:
+        rate_hz: steps a second.
+        steps: labelled steps of a drive.
+        margin_steps: driven before the first and after the last labelled step, so that a late or
+            early demonstrator has something real to respond to there.
+        speed_mps: constant.
+        goal_m: nearest and farthest distance of the goal from the start.
+        recovery_s: the half-trained agent turns towards the goal with this time constant.
+        swerve_hz: mean rate at which it swerves for no reason, as an untrained policy does.
+        swerve_rad: standard deviation of the angle of a swerve.
+        swerve_s: how long a swerve takes.
+        largest_truth_rad: drives that leave the goal further to the side are drawn again.
+    """
+
+    rate_hz: float = 10.0
+    steps: int = 150
+    margin_steps: int = 5
+    speed_mps: float = 5.0
+    goal_m: tuple[float, float] = (100.0, 130.0)
+    recovery_s: float = 1.0
+    swerve_hz: float = 0.7
+    swerve_rad: float = 0.8
+    swerve_s: float = 0.4
+    largest_truth_rad: float = np.pi / 2.0
+
+    def __post_init__(self) -> None:
+        if self.margin_steps < 0:
+            raise InvalidConfig(f"margin_steps is {self.margin_steps}; it must not be negative.")
+        numbers = {name: value for name, value in vars(self).items() if name != "margin_steps"}
+        for name, value in numbers.items():
+            if not np.min(value) > 0.0:
+                raise InvalidConfig(f"DriveConfig.{name} is {value}; it must be positive.")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Drive:
+    """One drive; row ``t`` is the state before ``wheel_rad[t]`` acted. Margins are included.
+
+    Attributes:
+        position_m: (rows, 2), the state.
+        heading_rad: (rows,) which way the car faces, not wrapped.
+        wheel_rad: (rows,) the agent's action; the heading of the next row is larger by it.
+        truth_rad: (rows,) angle to the goal minus heading, in [-pi, pi).
+        margin_steps: rows before and after the labelled ones.
+    """
+
+    name: str
+    goal_m: FloatArray
+    position_m: FloatArray
+    heading_rad: FloatArray
+    wheel_rad: FloatArray
+    truth_rad: FloatArray
+    margin_steps: int
+
+    @property
+    def labelled(self) -> slice:
+        """The rows that demonstrators label."""
+        return slice(self.margin_steps, len(self.truth_rad) - self.margin_steps)
+
+
+def heading_difference_rad(
+    position_m: FloatArray, heading_rad: FloatArray, goal_m: FloatArray
+) -> FloatArray:
+    """How far the car must turn to face the goal, left positive, in [-pi, pi).
+
+    Args:
+        position_m: (..., 2).
+        heading_rad: (...,).
+        goal_m: (2,).
+    """
+    to_goal = goal_m - position_m
+    angle = np.arctan2(to_goal[..., 1], to_goal[..., 0]) - heading_rad
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def sample_drives(
+    count: int, seed: int, *, prefix: str, config: DriveConfig | None = None
+) -> tuple[Drive, ...]:
+    """Drives named ``<prefix>-00``, ...; other seeds and other prefixes are independent.
+
+    Raises:
+        InvalidConfig: ``count`` is below 1 or ``seed`` is negative.
+    """
+    if count < 1 or seed < 0:
+        raise InvalidConfig(f"{count} drives from seed {seed}; give at least 1 and a seed from 0.")
+    config = config or DriveConfig()
+    children = np.random.SeedSequence([seed, *prefix.encode()]).spawn(count)
+    return tuple(
+        _sample_drive(f"{prefix}-{index:02d}", np.random.default_rng(child), config)
+        for index, child in enumerate(children)
+    )
+
+
+def _sample_drive(name: str, rng: np.random.Generator, config: DriveConfig) -> Drive:
+    while True:
+        drive = _drive(name, rng, config)
+        if np.abs(drive.truth_rad).max() <= config.largest_truth_rad:
+            return drive
+
+
+def _drive(name: str, rng: np.random.Generator, config: DriveConfig) -> Drive:
+    rows = config.steps + 2 * config.margin_steps
+    step_s = 1.0 / config.rate_hz
+    bearing = rng.uniform(-np.pi, np.pi)
+    goal = rng.uniform(*config.goal_m) * np.array([np.cos(bearing), np.sin(bearing)])
+    swerve = _swerves(rng, rows, config)
+    position, heading = np.zeros((rows, 2)), np.zeros(rows)
+    wheel, truth = np.zeros(rows), np.zeros(rows)
+    heading[0] = bearing + rng.normal(0.0, config.swerve_rad / 2.0)
+    for row in range(rows):
+        truth[row] = heading_difference_rad(position[row], heading[row], goal)
+        wheel[row] = truth[row] * step_s / config.recovery_s + swerve[row]
+        if row + 1 < rows:
+            heading[row + 1] = heading[row] + wheel[row]
+            ahead = np.array([np.cos(heading[row + 1]), np.sin(heading[row + 1])])
+            position[row + 1] = position[row] + config.speed_mps * step_s * ahead
+    return Drive(
+        name=name,
+        goal_m=goal,
+        position_m=position,
+        heading_rad=heading,
+        wheel_rad=wheel,
+        truth_rad=truth,
+        margin_steps=config.margin_steps,
+    )
+
+
+def _swerves(rng: np.random.Generator, rows: int, config: DriveConfig) -> FloatArray:
+    """(rows,) extra wheel angles: now and then a turn of random size, spread over ``swerve_s``."""
+    begins = rng.random(rows) < config.swerve_hz / config.rate_hz
+    sizes = np.where(begins, rng.normal(0.0, config.swerve_rad, rows), 0.0)
+    lasting = max(1, round(config.swerve_s * config.rate_hz))
+    return np.convolve(sizes, np.full(lasting, 1.0 / lasting))[:rows]

@@ -1,0 +1,206 @@
+"""Teachers outside the scripted family: what a mapper taught by simulation must survive.
+
+Each quirk changes what a scripted teacher responds to; delay, dead zone, lag, gain, noise and
+saturation of its ``TeacherStyle`` follow. No mapper may be trained or tuned on them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import exp, pi, sqrt
+from typing import Literal, get_args
+
+import numpy as np
+from scipy.signal import lfilter
+
+from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.populations import PopulationKind, sample_population
+from steerlab.sim.rollout import FloatArray, Rollout
+from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherNotReady
+
+QuirkKind = Literal["asymmetric", "power", "underdamped", "hold", "lapses"]
+QUIRKS: tuple[QuirkKind, ...] = get_args(QuirkKind)
+
+Quirk = Callable[[FloatArray, float, np.random.Generator], FloatArray]
+"""(stimulus (steps,), step_s, rng) -> what the teacher responds to, (steps,)."""
+
+_QUIRK_STREAM = 0x51D  # the quirk's randomness is not the noise's
+
+
+@dataclass(frozen=True, kw_only=True)
+class AsymmetricGain:
+    """Turns left ``exp(log_ratio)`` times as far as right; the mean log gain is the style's."""
+
+    log_ratio: float
+
+    def __call__(self, stimulus: FloatArray, step_s: float, rng: np.random.Generator) -> FloatArray:
+        """Left is positive."""
+        return stimulus * np.exp(0.5 * self.log_ratio * np.sign(stimulus))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PowerGain:
+    """Responds to ``|o|^exponent`` (Stevens, *Psychological Review* 1957); 1 stays 1."""
+
+    exponent: float
+
+    def __post_init__(self) -> None:
+        if self.exponent <= 0.0:
+            raise InvalidConfig(f"PowerGain.exponent is {self.exponent}; it must be positive.")
+
+    def __call__(self, stimulus: FloatArray, step_s: float, rng: np.random.Generator) -> FloatArray:
+        """Odd in the stimulus."""
+        return np.sign(stimulus) * np.abs(stimulus) ** self.exponent
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnderdampedHand:
+    """A second-order hand that overshoots and rings; its gain at rest is 1."""
+
+    natural_hz: float
+    damping: float
+
+    def __post_init__(self) -> None:
+        if self.natural_hz <= 0.0 or not 0.0 < self.damping < 1.0:
+            raise InvalidConfig(
+                f"{self} is no underdamped hand; give a positive frequency and 0 < damping < 1."
+            )
+
+    def __call__(self, stimulus: FloatArray, step_s: float, rng: np.random.Generator) -> FloatArray:
+        """Exact for a stimulus held over each step; starts settled."""
+        decay = exp(-2.0 * pi * self.natural_hz * self.damping * step_s)
+        swing = 2.0 * pi * self.natural_hz * sqrt(1.0 - self.damping**2) * step_s
+        ratio = self.damping / sqrt(1.0 - self.damping**2)
+        poles = [1.0, -2.0 * decay * np.cos(swing), decay**2]
+        first = 1.0 - decay * (np.cos(swing) + ratio * np.sin(swing))
+        second = decay**2 + decay * (ratio * np.sin(swing) - np.cos(swing))
+        settled = stimulus[0]
+        hand = lfilter([0.0, first, second], poles, stimulus - settled)
+        return np.asarray(hand, dtype=np.float64) + settled
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampleAndHold:
+    """Looks every ``period_s`` and holds in between (Craik's intermittent operator, 1947)."""
+
+    period_s: float
+
+    def __post_init__(self) -> None:
+        if self.period_s <= 0.0:
+            raise InvalidConfig(f"SampleAndHold.period_s is {self.period_s}; it must be positive.")
+
+    def __call__(self, stimulus: FloatArray, step_s: float, rng: np.random.Generator) -> FloatArray:
+        """The first look is at a random moment of the first period."""
+        t_s = np.arange(len(stimulus)) * step_s + self.period_s * rng.uniform()
+        look = np.floor(t_s / self.period_s)
+        first = np.r_[True, look[1:] != look[:-1]]
+        return stimulus[np.maximum.accumulate(np.where(first, np.arange(len(stimulus)), 0))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lapses:
+    """Now and then looks away and leaves the wheel where it is."""
+
+    per_minute: float
+    length_s: float
+
+    def __post_init__(self) -> None:
+        if self.per_minute < 0.0 or self.length_s <= 0.0:
+            raise InvalidConfig(f"{self} is no rate of lapses; give a rate >= 0 and a length > 0.")
+
+    def __call__(self, stimulus: FloatArray, step_s: float, rng: np.random.Generator) -> FloatArray:
+        """Lapses begin at random (Poisson); lengths are within ±50 % of ``length_s``."""
+        steps = len(stimulus)
+        begins = np.flatnonzero(rng.random(steps) < self.per_minute / 60.0 * step_s)
+        held = np.arange(steps)
+        for begin in begins:
+            length = round(self.length_s * rng.uniform(0.5, 1.5) / step_s)
+            held[begin : begin + length] = held[begin]
+        return stimulus[held]
+
+
+@dataclass
+class UnusualTeacher:
+    """A ``Teacher``: a scripted one that responds to a changed stimulus.
+
+    Attributes:
+        scripted: what follows the quirk; its name is the pseudonym.
+        quirk: what is unusual.
+    """
+
+    scripted: ScriptedTeacher
+    quirk: Quirk
+
+    def __post_init__(self) -> None:
+        self.name = self.scripted.name
+        self._labels: FloatArray | None = None
+
+    def begin(self, rollout: Rollout, *, order: int, attempt: int) -> None:
+        """Compute the whole response to ``rollout``, the ``order``-th of the session."""
+        self._labels = self.respond(rollout, order=order, attempt=attempt)
+
+    def label(self, step: int) -> float | None:
+        """The label for ``step`` of the rollout last begun.
+
+        Raises:
+            TeacherNotReady: ``begin`` was not called, or the rollout has no such step.
+        """
+        if self._labels is None:
+            raise TeacherNotReady(f"{self.name} has no rollout; call begin(rollout, ...) first.")
+        if not 0 <= step < len(self._labels):
+            raise TeacherNotReady(
+                f"{self.name}: step {step} is outside the rollout's 0..{len(self._labels) - 1}."
+            )
+        return float(self._labels[step])
+
+    def respond(self, rollout: Rollout, *, order: int, attempt: int) -> FloatArray:
+        """Labels for all steps, shape (steps,), within ±``WHEEL_LIMIT``.
+
+        Raises:
+            InvalidConfig: the rollout has no oracle label, or a number is negative.
+        """
+        if not rollout.oracle_valid.any() or attempt < 0:
+            return self.scripted.respond(
+                rollout, order=order, attempt=attempt
+            )  # says what is wrong
+        steps = np.arange(rollout.steps, dtype=np.float64)
+        known = rollout.oracle_valid
+        stimulus = np.interp(steps, steps[known], rollout.oracle_label[known])
+        entropy = self.scripted.noise_seed(rollout.name, attempt).generate_state(4)
+        rng = np.random.default_rng([_QUIRK_STREAM, *entropy.tolist()])
+        seen = self.quirk(stimulus, 1.0 / rollout.control_hz, rng)
+        changed = replace(rollout, oracle_label=seen, oracle_valid=np.ones_like(known))
+        return self.scripted.respond(changed, order=order, attempt=attempt)
+
+
+def sample_unusual(
+    quirk: QuirkKind, kind: PopulationKind, count: int, seed: int, *, prefix: str
+) -> list[UnusualTeacher]:
+    """Draw ``count`` teachers of ``kind`` and give each a quirk of its own strength.
+
+    Raises:
+        InvalidConfig: unknown ``quirk``, or see ``sample_population``.
+    """
+    if quirk not in QUIRKS:
+        raise InvalidConfig(f"No quirk {quirk!r}; choose one of {', '.join(QUIRKS)}.")
+    scripted = sample_population(kind, count, seed, prefix=prefix)
+    root = np.random.SeedSequence([_QUIRK_STREAM, seed, QUIRKS.index(quirk), *prefix.encode()])
+    return [
+        UnusualTeacher(teacher, _draw(quirk, np.random.default_rng(child)))
+        for teacher, child in zip(scripted, root.spawn(count), strict=True)
+    ]
+
+
+def _draw(kind: QuirkKind, rng: np.random.Generator) -> Quirk:
+    """Strengths that change labels by about as much as the population's own styles do."""
+    side = float(rng.choice((-1.0, 1.0)))
+    if kind == "asymmetric":
+        return AsymmetricGain(log_ratio=side * float(rng.uniform(0.3, 0.9)))
+    if kind == "power":
+        return PowerGain(exponent=float(np.exp(side * rng.uniform(0.2, 0.6))))
+    if kind == "underdamped":
+        return UnderdampedHand(
+            natural_hz=float(rng.uniform(0.8, 2.0)), damping=float(rng.uniform(0.15, 0.5))
+        )
+    if kind == "hold":
+        return SampleAndHold(period_s=float(rng.uniform(0.25, 0.7)))
+    return Lapses(per_minute=float(rng.uniform(5.0, 15.0)), length_s=float(rng.uniform(0.6, 1.4)))
