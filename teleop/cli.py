@@ -5,6 +5,7 @@ answers at once.
 """
 
 import json
+import logging
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -203,6 +204,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one verb: 0 all well, 1 it found something wrong, 2 it could not be done."""
     from steerlab.sim.errors import SteerlabError
 
+    logging.basicConfig(format="steerlab: %(message)s", level=logging.WARNING)
     arguments = sys.argv[1:] if arguments is None else arguments
     try:
         return tyro.extras.subcommand_cli_from_dict(
