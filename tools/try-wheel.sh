@@ -22,7 +22,9 @@ from steerlab.teleop.population_run import PopulationConfig
 
 assert Path(simulate.__file__).is_relative_to(place / "site"), simulate.__file__
 assert len(load_calibration_set()) == 12
-config = PopulationConfig(teachers=7, new_teachers=2, noise="low", rollouts=4)
+config = PopulationConfig(
+    teachers=7, new_teachers=2, noise="low", rollouts=4, ladder="quick"
+)
 simulate.simulate(
     config, place / "out", force=False, command="try-wheel", progress=lambda what, share: None
 )
