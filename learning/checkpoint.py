@@ -2,11 +2,9 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
-from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
@@ -15,6 +13,7 @@ from steerlab.learning.errors import InvalidCheckpoint, InvalidLabels
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.mind_meld import MindMeld
 from steerlab.learning.presets import MapperConfig
+from steerlab.learning.tensor_file import read_tensors
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.rollout import FloatArray
 
@@ -58,7 +57,7 @@ def load_mapper(path: Path) -> MindMeldMapper:
     Raises:
         InvalidCheckpoint: the file is missing, damaged, of another kind or a newer version.
     """
-    tensors, header = _read(path)
+    tensors, header = read_tensors(path, what="model", mend="fit a mapper and save it")
     if header.get("format") != FORMAT:
         raise InvalidCheckpoint(
             f"{path} holds {header.get('format')!r}, not {FORMAT!r}; give a MIND MELD model."
@@ -120,21 +119,3 @@ def load_mapper(path: Path) -> MindMeldMapper:
 def _stack(arrays: list[FloatArray], shape: tuple[int, ...]) -> Tensor:
     """(people, *shape) float64; also of nobody."""
     return torch.from_numpy(np.array(arrays, dtype=np.float64).reshape(-1, *shape))
-
-
-def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    if not path.is_file():
-        raise InvalidCheckpoint(f"No model file at {path}; fit a mapper first.")
-    try:
-        with safe_open(path, framework="pt") as file:
-            metadata = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (SafetensorError, OSError) as error:
-        raise InvalidCheckpoint(f"{path} is not a safetensors file: {error}") from error
-    try:
-        header = json.loads(metadata["steerlab"])
-    except (KeyError, json.JSONDecodeError) as error:
-        raise InvalidCheckpoint(f"{path} has no steerlab header; give a steerlab model.") from error
-    if not isinstance(header, dict):
-        raise InvalidCheckpoint(f"{path} has a steerlab header that is not a JSON object.")
-    return tensors, header

@@ -4,11 +4,9 @@ import json
 from dataclasses import asdict
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
-from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
@@ -24,6 +22,7 @@ from steerlab.learning.pretrained.style import (
     StyleEncoder,
 )
 from steerlab.learning.pretrained.teachers import STYLE
+from steerlab.learning.tensor_file import read_tensors
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.rollout import FloatArray
 
@@ -70,7 +69,7 @@ def load_model(path: Path) -> PretrainedModel:
     Raises:
         InvalidCheckpoint: the file is missing, damaged, of another kind or another version.
     """
-    tensors, header = _read(path)
+    tensors, header = read_tensors(path, what="weights", mend=_REMAKE)
     if header.get("format") != FORMAT or header.get("version") != FORMAT_VERSION:
         raise InvalidCheckpoint(
             f"{path} holds {header.get('format')!r} version {header.get('version')!r}, not "
@@ -143,21 +142,3 @@ def _array(tensors: dict[str, Tensor], name: str, shape: tuple[int, ...], path: 
             f"{path}: {name} is {value.shape}, not {shape} and finite; {_REMAKE}."
         )
     return value
-
-
-def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    if not path.is_file():
-        raise InvalidCheckpoint(f"No weights file at {path}; {_REMAKE}.")
-    try:
-        with safe_open(path, framework="pt") as file:
-            metadata = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (SafetensorError, OSError) as error:
-        raise InvalidCheckpoint(f"{path} is not a safetensors file: {error}") from error
-    try:
-        header = json.loads(metadata["steerlab"])
-    except (KeyError, json.JSONDecodeError) as error:
-        raise InvalidCheckpoint(f"{path} has no steerlab header; {_REMAKE}.") from error
-    if not isinstance(header, dict):
-        raise InvalidCheckpoint(f"{path} has a steerlab header that is not a JSON object.")
-    return tensors, header
