@@ -6,9 +6,8 @@ import tempfile
 from pathlib import Path
 from statistics import median
 from time import perf_counter
-from typing import Any
 
-Row = dict[str, Any]
+from benchmarks.rows import Row, at_most, print_rows
 
 
 def run() -> list[Row]:
@@ -18,11 +17,8 @@ def run() -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         demo_s = _seconds([*command, "demo", "--out", str(Path(folder) / "demo")])
     return [
-        {"name": name, "measured": seconds, "limit": limit, "unit": "s", "ok": seconds <= limit}
-        for name, seconds, limit in (
-            ("steerlab --help", help_s, 0.5),
-            ("steerlab demo", demo_s, 60.0),
-        )
+        at_most("steerlab --help", help_s, 0.5, "s"),
+        at_most("steerlab demo", demo_s, 60.0, "s"),
     ]
 
 
@@ -33,5 +29,4 @@ def _seconds(command: list[str]) -> float:
 
 
 if __name__ == "__main__":
-    for row in run():
-        print(row)
+    raise SystemExit(print_rows(run()))

@@ -6,11 +6,11 @@ Ten random worlds, none of them used for tuning; drives run in MuJoCo.
 from math import isfinite
 from statistics import mean
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.rows import Row, at_least, at_most, print_rows
 from steerlab.sim.engine.driving import Driving
 from steerlab.sim.errors import NoPath
 from steerlab.sim.geometry import Pose2D
@@ -79,7 +79,7 @@ def _warm_up() -> None:
     planner.label(world.start, 5.0)
 
 
-def run() -> list[dict[str, Any]]:
+def run() -> list[Row]:
     """Measure everything; one row a figure: name, measured, limit, unit, ok."""
     _warm_up()
     build_s: list[float] = []
@@ -116,20 +116,20 @@ def run() -> list[dict[str, Any]]:
     label_ms = 1e3 * label_s / labels
     reached = [100.0 * mean(o is Outcome.BALL_REACHED for o in d) for d in (committed, by_label)]
     return [
-        _row("planner built, mean", mean(build_s), 1.0, "s"),
-        _row("planner built, slowest", max(build_s), 1.0, "s"),
-        _row("label, mean", label_ms, 0.3, "ms"),
-        _row("label, as a share of a fresh tree", label_ms / 1e3 / mean(build_s), 0.01, ""),
-        _row("RRT* above the optimum, mean", 100.0 * mean(excess), 0.5, "%"),
-        _row("RRT* above the optimum, most", 100.0 * max(excess), 2.5, "%"),
-        _row("jitter along the oracle", _std(changes["oracle"]), 0.35, "wheel"),
-        _row("jitter along perturbed drives", _std(changes["perturbed"]), 0.35, "wheel"),
-        _row("labels beyond the limit", 100.0 * float((wheel > WHEEL_LIMIT).mean()), 0.0, "%"),
-        _row("labels at full lock", 100.0 * float((wheel >= FULL_LOCK).mean()), 5.0, "%"),
-        _row("steps without a label", 100.0 * masked / labels, 1.0, "%"),
-        _row("accepted starts driven", float(len(committed)), 200.0, "", at_least=True),
-        _row("committed oracle arrives", reached[0], 100.0, "%", at_least=True),
-        _row("driving by labels alone arrives", reached[1], 98.0, "%", at_least=True),
+        at_most("planner built, mean", mean(build_s), 1.0, "s"),
+        at_most("planner built, slowest", max(build_s), 1.0, "s"),
+        at_most("label, mean", label_ms, 0.3, "ms"),
+        at_most("label, as a share of a fresh tree", label_ms / 1e3 / mean(build_s), 0.01, ""),
+        at_most("RRT* above the optimum, mean", 100.0 * mean(excess), 0.5, "%"),
+        at_most("RRT* above the optimum, most", 100.0 * max(excess), 2.5, "%"),
+        at_most("jitter along the oracle", _std(changes["oracle"]), 0.35, "wheel"),
+        at_most("jitter along perturbed drives", _std(changes["perturbed"]), 0.35, "wheel"),
+        at_most("labels beyond the limit", 100.0 * float((wheel > WHEEL_LIMIT).mean()), 0.0, "%"),
+        at_most("labels at full lock", 100.0 * float((wheel >= FULL_LOCK).mean()), 5.0, "%"),
+        at_most("steps without a label", 100.0 * masked / labels, 1.0, "%"),
+        at_least("accepted starts driven", float(len(committed)), 200.0, ""),
+        at_least("committed oracle arrives", reached[0], 100.0, "%"),
+        at_least("driving by labels alone arrives", reached[1], 98.0, "%"),
     ]
 
 
@@ -137,18 +137,5 @@ def _std(changes: list[FloatArray]) -> float:
     return float(np.concatenate(changes).std())
 
 
-def _row(
-    name: str, measured: float, limit: float, unit: str, *, at_least: bool = False
-) -> dict[str, Any]:
-    ok = measured >= limit if at_least else measured <= limit
-    return {"name": name, "measured": measured, "limit": limit, "unit": unit, "ok": ok}
-
-
 if __name__ == "__main__":
-    rows = run()
-    for row in rows:
-        verdict = "pass" if row["ok"] else "FAIL"
-        print(
-            f"{row['name']:36} {row['measured']:10.4g} {row['limit']:8g} {row['unit']:6} {verdict}"
-        )
-    raise SystemExit(0 if all(row["ok"] for row in rows) else 1)
+    raise SystemExit(print_rows(run()))

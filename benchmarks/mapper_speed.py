@@ -1,36 +1,33 @@
 """How fast is MIND MELD? ``python -m benchmarks.mapper_speed``.
 
 Ratios compare two ways within this run, most of them with ``benchmarks/plain_mind_meld.py``. One
-thread, but calibrating many people, which uses two.
+thread, but where more are named and for calibrating many people, which uses two.
 """
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from statistics import median
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 import torch
 
 from benchmarks.mapper_quality import PEOPLE, label_all
-from benchmarks.plain_mind_meld import PlainMindMeld, PlainWindows, calibrate_plain, train_plain
+from benchmarks.plain_mind_meld import PlainMindMeld, PlainWindows, calibrate_plain
+from benchmarks.rows import Row, at_least, at_most, print_rows
+from benchmarks.training_speed import training_rates
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.mind_meld import MindMeld, NetworkConfig
 from steerlab.learning.presets import LAB
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.streaming import LabelStream
-from steerlab.learning.training import torch_threads, train
+from steerlab.learning.training import torch_threads
 from steerlab.learning.windows import WindowConfig, make_windows
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.populations import sample_population
 
-Row = dict[str, Any]
-
 BATCH = 512
 REPEATS = 7
-PLAIN_BATCHES = 12
 PLAIN_EPOCHS = 20  # 160 steps at 0.1, assumed enough: twice those that leave 1e-3 at 8 %
 MANY = 1000
 
@@ -42,47 +39,35 @@ def run() -> list[Row]:
     one_person = [one for one in series if one.person == series[0].person]
     mapper = MindMeldMapper(replace(LAB, training=replace(LAB.training, epochs=1)), seed=0)
     mapper.fit(series)
+    rates = training_rates(series, PEOPLE)
+    per_epoch = LAB.training.share_per_epoch * sum(one.valid.sum() for one in series)
+    rows = [
+        at_least(f"training, threads: {threads}", rate, 10_000.0, "windows/s")
+        for threads, rate in rates.ours.items()
+    ]
+    rows += [
+        at_least(
+            f"training over plain PyTorch, threads: {threads}", rate / rates.best_plain, 10.0, "x"
+        )
+        for threads, rate in rates.ours.items()
+    ]
     with torch_threads(1):
-        training, plain_training = _training_rates(series)
         calibration_s = _seconds(lambda: mapper.calibrate(one_person))
         plain_calibration_s = _plain_calibration_s(one_person)
-        per_epoch = max(LAB.training.share_per_epoch * sum(one.valid.sum() for one in series), 1)
-        study_s = LAB.training.epochs * per_epoch / training
         return [
-            _row("half windows over a full pass", _half_window_ratio(), 1.4, "x", at_least=True),
-            _row("one gather over a loop", _gather_ratio(series[:24]), 10.0, "x", at_least=True),
-            _row("training", training, 10_000.0, "windows/s", at_least=True),
-            _row(
-                "training over plain PyTorch", training / plain_training, 10.0, "x", at_least=True
+            at_least("half windows over a full pass", _half_window_ratio(), 1.4, "x"),
+            at_least("one gather over a loop", _gather_ratio(series[:24]), 10.0, "x"),
+            *rows,
+            at_most(
+                "training 34 teachers", LAB.training.epochs * per_epoch / rates.ours[1], 20.0, "s"
             ),
-            _row("training 34 teachers", study_s, 20.0, "s"),
-            _row("calibrating one person", calibration_s, 0.1, "s"),
-            _row(
-                "calibration over plain PyTorch",
-                plain_calibration_s / calibration_s,
-                20.0,
-                "x",
-                at_least=True,
+            at_most("calibrating one person", calibration_s, 0.1, "s"),
+            at_least(
+                "calibration over plain PyTorch", plain_calibration_s / calibration_s, 20.0, "x"
             ),
-            _row(f"calibrating {MANY} people", _many_s(mapper, series), 6.0, "s"),
-            _row("one label, streamed", _label_ms(), 0.3, "ms"),
+            at_most(f"calibrating {MANY} people", _many_s(mapper, series), 6.0, "s"),
+            at_most("one label, streamed", _label_ms(), 0.3, "ms"),
         ]
-
-
-def _training_rates(series: list[LabelSeries]) -> tuple[float, float]:
-    """Windows a second, ours and plain, batches of the same size; interleaved."""
-    windows, data = make_windows(series, WindowConfig()), PlainWindows(series)
-    config = replace(LAB.training, epochs=1, share_per_epoch=0.1, least_per_epoch=1)
-    ours: list[float] = []
-    plain: list[float] = []
-    for _ in range(3):
-        start_s = perf_counter()
-        train(windows, LAB.network, config, seed=0)
-        ours.append(0.1 * int(windows.valid.sum()) / (perf_counter() - start_s))
-        start_s = perf_counter()
-        trained = train_plain(data, PEOPLE, PLAIN_BATCHES, BATCH)
-        plain.append(trained / (perf_counter() - start_s))
-    return median(ours), median(plain)
 
 
 def _plain_calibration_s(series: list[LabelSeries]) -> float:
@@ -160,18 +145,5 @@ def _ratio(slow: Callable[[], object], fast: Callable[[], object]) -> float:
     return _seconds(slow) / _seconds(fast)
 
 
-def _row(
-    name: str, measured: float, limit: float, unit: str, *, at_least: bool = False
-) -> dict[str, Any]:
-    ok = measured >= limit if at_least else measured <= limit
-    return {"name": name, "measured": measured, "limit": limit, "unit": unit, "ok": ok}
-
-
 if __name__ == "__main__":
-    rows = run()
-    for row in rows:
-        verdict = "pass" if row["ok"] else "FAIL"
-        print(
-            f"{row['name']:32} {row['measured']:10.4g} {row['limit']:8g} {row['unit']:10} {verdict}"
-        )
-    sys.exit(0 if all(row["ok"] for row in rows) else 1)
+    raise SystemExit(print_rows(run()))

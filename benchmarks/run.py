@@ -6,7 +6,6 @@ of 34 + 34 teachers whose improvement the README reports; they take minutes.
 
 import sys
 from collections.abc import Callable
-from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -17,11 +16,12 @@ from benchmarks import (
     mapper_quality,
     mapper_speed,
     pretrained,
+    recording,
     simulation,
     store,
+    teleop,
 )
-
-Row = dict[str, Any]
+from benchmarks.rows import Row
 
 BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "simulation": simulation.run,
@@ -29,6 +29,8 @@ BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "mapper": mapper_speed.run,
     "pretrained": pretrained.run,
     "store": store.run,
+    "recording": recording.run,
+    "teleop": teleop.run,
     "commands": commands.run,
 }
 

@@ -7,6 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from benchmarks.rows import Row, at_least, at_most, print_rows
 from steerlab.sim.engine.camera import Camera, CameraConfig
 from steerlab.sim.engine.drive_to_ball import environment
 from steerlab.sim.engine.driving import Driving, DrivingConfig
@@ -17,8 +18,6 @@ ROUNDS = 15
 STEPS = 400
 WORLD = generate_world("benchmark", np.random.default_rng(0))
 ENDLESS = DrivingConfig(time_limit_s=1e6)
-
-Row = dict[str, Any]
 
 
 def run() -> list[Row]:
@@ -57,11 +56,10 @@ def _stepping() -> list[Row]:
     raw = seconds.pop("raw")
     limits = {"Driving": 0.85, "dm_env": 0.1, "Gymnasium": 0.5}
     return [
-        _at_least(
+        at_least(
             f"{name}: share of raw mj_step(nstep) speed",
             median(bare / own for bare, own in zip(raw, seconds[name], strict=True)),
             limit,
-            "",
         )
         for name, limit in limits.items()
     ]
@@ -75,14 +73,8 @@ def _drawing() -> list[Row]:
         with Camera(driving.model, driving.data, CameraConfig(width=960, height=540)) as camera:
             large_ms = 1e3 * median(_seconds(camera.frame, 20) / 20 for _ in range(ROUNDS))
     return [
-        _at_least("step and 64 x 64 frame", per_second, 1000.0, "1/s"),
-        {
-            "name": "frame of 960 x 540 (60 Hz leaves 16.7)",
-            "measured": large_ms,
-            "limit": 16.7,
-            "unit": "ms",
-            "ok": large_ms <= 16.7,
-        },
+        at_least("step and 64 x 64 frame", per_second, 1000.0, "1/s"),
+        at_most("frame of 960 x 540 (60 Hz leaves 16.7)", large_ms, 16.7, "ms"),
     ]
 
 
@@ -94,16 +86,5 @@ def _seconds(call: Any, count: int = STEPS) -> float:
     return perf_counter() - started
 
 
-def _at_least(name: str, measured: float, limit: float, unit: str) -> Row:
-    return {
-        "name": name,
-        "measured": measured,
-        "limit": limit,
-        "unit": unit,
-        "ok": measured >= limit,
-    }
-
-
 if __name__ == "__main__":
-    for row in run():
-        print(row)
+    raise SystemExit(print_rows(run()))

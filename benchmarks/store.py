@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from benchmarks.rows import Row, at_least, at_most, print_rows
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import COLUMNS, LABELLED_STEP_SCHEMA, Gate, LabelledStep, row_from_step
 from steerlab.sim.shards import read_shards, write_shard
@@ -26,8 +27,6 @@ APPEND_RATIO_LIMIT = 2.5  # validation, triggers and foreign keys on top of a ba
 APPEND_LIMIT_US = 500.0  # 1 % of a 20 Hz control step
 SHARD_RATIO_LIMIT = 2.0  # checks and one fsync on top of bare pyarrow
 READ_RATIO_LIMIT = 2.0
-
-Row = dict[str, Any]
 
 
 def _step(step: int) -> LabelledStep:
@@ -116,11 +115,6 @@ def _shard_seconds(folder: Path, labels: pa.Table) -> tuple[float, float, float,
     return wrote - began, wrote_bare - wrote, read - wrote_bare, perf_counter() - read
 
 
-def _row(name: str, measured: float, limit: float, unit: str, *, at_most: bool = True) -> Row:
-    ok = measured <= limit if at_most else measured >= limit
-    return {"name": name, "measured": measured, "limit": limit, "unit": unit, "ok": ok}
-
-
 def run() -> list[Row]:
     """Medians of a few interleaved repeats, so that a busy machine slows both sides alike."""
     steps = [_step(i) for i in range(STEPS)]
@@ -135,21 +129,21 @@ def run() -> list[Row]:
     append_us = median(ours for ours, _ in appends)
     write_mb_per_s = labels.nbytes / 1e6 / median(write for write, *_ in shards)
     return [
-        _row("store.append", append_us, APPEND_LIMIT_US, "µs"),
-        _row(
+        at_most("store.append", append_us, APPEND_LIMIT_US, "µs"),
+        at_most(
             "store.append / bare sqlite3 insert",
             median(ours / bare for ours, bare in appends),
             APPEND_RATIO_LIMIT,
             "x",
         ),
-        _row("write_shard", write_mb_per_s, 20.0, "MB/s", at_most=False),
-        _row(
+        at_least("write_shard", write_mb_per_s, 20.0, "MB/s"),
+        at_most(
             "write_shard / bare pyarrow write",
             median(ours / bare for ours, bare, _, _ in shards),
             SHARD_RATIO_LIMIT,
             "x",
         ),
-        _row(
+        at_most(
             "read_shards / bare pyarrow read",
             median(ours / bare for _, _, ours, bare in shards),
             READ_RATIO_LIMIT,
@@ -159,6 +153,4 @@ def run() -> list[Row]:
 
 
 if __name__ == "__main__":
-    for row in run():
-        mark = "ok  " if row["ok"] else "SLOW"
-        print(f"{mark} {row['name']:<36} {row['measured']:8.2f} {row['unit']} ({row['limit']:g})")
+    raise SystemExit(print_rows(run()))

@@ -58,6 +58,38 @@ class TeacherStyle:
                 )
 
 
+class WholeResponse:
+    """What a teacher who sees a rollout at once answers when asked step by step.
+
+    Args:
+        teacher: the pseudonym, for errors.
+    """
+
+    def __init__(self, teacher: str) -> None:
+        self._teacher = teacher
+        self._labels: FloatArray | None = None
+
+    def begin(self, labels: FloatArray) -> None:
+        """Answer from ``labels``, (steps,), from now on."""
+        self._labels = labels
+
+    def label(self, step: int) -> float:
+        """The label for ``step`` of the rollout last begun.
+
+        Raises:
+            TeacherNotReady: ``begin`` was not called, or the rollout has no such step.
+        """
+        if self._labels is None:
+            raise TeacherNotReady(
+                f"{self._teacher} has no rollout; call begin(rollout, ...) first."
+            )
+        if not 0 <= step < len(self._labels):
+            raise TeacherNotReady(
+                f"{self._teacher}: step {step} is outside the rollout's 0..{len(self._labels) - 1}."
+            )
+        return float(self._labels[step])
+
+
 @dataclass
 class ScriptedTeacher:
     """A ``Teacher`` with a known style.
@@ -79,11 +111,11 @@ class ScriptedTeacher:
             raise InvalidConfig("A teacher's name is empty; give a pseudonym such as 'seen-007'.")
         if self.seed < 0:
             raise InvalidConfig(f"{self.name}: seed is {self.seed}; give a non-negative integer.")
-        self._labels: FloatArray | None = None
+        self._response = WholeResponse(self.name)
 
     def begin(self, rollout: Rollout, *, order: int, attempt: int) -> None:
         """Compute the whole response to ``rollout``, the ``order``-th of the session."""
-        self._labels = self.respond(rollout, order=order, attempt=attempt)
+        self._response.begin(self.respond(rollout, order=order, attempt=attempt))
 
     def label(self, step: int) -> float | None:
         """The label for ``step`` of the rollout last begun.
@@ -91,13 +123,7 @@ class ScriptedTeacher:
         Raises:
             TeacherNotReady: ``begin`` was not called, or the rollout has no such step.
         """
-        if self._labels is None:
-            raise TeacherNotReady(f"{self.name} has no rollout; call begin(rollout, ...) first.")
-        if not 0 <= step < len(self._labels):
-            raise TeacherNotReady(
-                f"{self.name}: step {step} is outside the rollout's 0..{len(self._labels) - 1}."
-            )
-        return float(self._labels[step])
+        return self._response.label(step)
 
     def respond(self, rollout: Rollout, *, order: int, attempt: int) -> FloatArray:
         """Labels for all steps, shape (steps,), within ±``WHEEL_LIMIT``.
@@ -112,7 +138,7 @@ class ScriptedTeacher:
             )
         style = self.style
         step_s = 1.0 / rollout.control_hz
-        seen = _shift(_stimulus(rollout), style.delay_s, step_s)
+        seen = _shift(stimulus(rollout), style.delay_s, step_s)
         seen = np.sign(seen) * np.maximum(np.abs(seen) - style.dead_zone, 0.0)
         intended = style.gain * exp(style.drift * order) * _lag(seen, style.lag_s, step_s)
         intended += style.bias
@@ -134,7 +160,7 @@ def _words(text: str) -> list[int]:
     return [int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4)]
 
 
-def _stimulus(rollout: Rollout) -> FloatArray:
+def stimulus(rollout: Rollout) -> FloatArray:
     """What the teacher responds to: a person bridges masked steps; the data stay masked."""
     valid = rollout.oracle_valid
     if not valid.any():

@@ -5,25 +5,31 @@
 # pyright: reportMissingTypeStubs=false
 
 import sqlite3
-from collections.abc import Collection, Generator, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import pyarrow as pa
 
-from steerlab.sim.records import (
-    COLUMNS,
-    LABELLED_STEP_SCHEMA,
-    LabelledStep,
-    check_name,
-    row_from_step,
+from steerlab.sim.records import COLUMNS, LabelledStep, check_name, row_from_step
+from steerlab.sim.store_connection import StoreConnection
+from steerlab.sim.store_events import (
+    Event,
+    Flag,
+    StepTimes,
+    insert_event,
+    insert_flag,
+    insert_times,
+    read_events,
+    read_flags,
+    read_timings,
 )
+from steerlab.sim.store_labels import read_labels, read_steps
 from steerlab.sim.store_records import Attempt, AttemptStatus, AuditEntry, StoredRollout
-from steerlab.sim.store_schema import StoreError, create_database, fail, open_database
+from steerlab.sim.store_schema import StoreError, create_database, open_database
+from steerlab.sim.store_sessions import Session, add_session, check_session, read_sessions
 
-_BATCH_ROWS = 50_000
 _INSERT_STEP = f"INSERT INTO steps VALUES ({', '.join('?' * len(COLUMNS))})"
 _THIS_ATTEMPT = "WHERE participant = ? AND rollout = ? AND attempt = ?"
 
@@ -37,7 +43,12 @@ class StudyStore:
 
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self.path = path
-        self._connection = connection
+        self._connection = StoreConnection(connection, path)
+
+    @property
+    def connection(self) -> StoreConnection:
+        """What the tables of a study (schema 3) are read and written through."""
+        return self._connection
 
     @classmethod
     def create(cls, path: Path) -> Self:
@@ -81,13 +92,13 @@ class StudyStore:
         """
         check_name("pseudonym", pseudonym)
         check_name("role", role)
-        with self._transaction(f"enrol {pseudonym!r}"):
+        with self._connection.transaction(f"enrol {pseudonym!r}"):
             known = self.participants().get(pseudonym, role)
             if known != role:
                 raise StoreError(
                     f"{pseudonym!r} is enrolled as {known!r}, not {role!r}; choose another name."
                 )
-            self._run(
+            self._connection.run(
                 "INSERT INTO participants VALUES (?, ?) ON CONFLICT DO NOTHING", pseudonym, role
             )
 
@@ -97,7 +108,7 @@ class StudyStore:
         Raises:
             StoreError: another rollout has that name.
         """
-        with self._transaction(f"add rollout {rollout.name!r}"):
+        with self._connection.transaction(f"add rollout {rollout.name!r}"):
             known = self.rollouts().get(rollout.name, rollout)
             if known != rollout:
                 raise StoreError(
@@ -105,19 +116,31 @@ class StudyStore:
                     f"{known.steps} steps); give this one another name."
                 )
             insert = "INSERT INTO rollouts VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
-            self._run(insert, *rollout.to_row())
+            self._connection.run(insert, *rollout.to_row())
 
-    def begin_attempt(self, participant: str, rollout: str) -> Attempt:
+    def add_session(self, session: Session) -> None:
+        """Keep when and with what a participant sat down; durable when this returns.
+
+        Raises:
+            StoreError: its id is taken, or its participant is not enrolled.
+        """
+        add_session(self._connection, session)
+
+    def begin_attempt(
+        self, participant: str, rollout: str, *, session: str | None = None
+    ) -> Attempt:
         """Open the next attempt of a participant at a rollout: 0, then 1 for a redo, and so on.
 
         Raises:
-            StoreError: the participant or the rollout is not in the store.
+            StoreError: the participant, the rollout or the session is not in the store.
         """
-        with self._transaction(f"begin an attempt of {participant!r} at {rollout!r}"):
+        with self._connection.transaction(f"begin an attempt of {participant!r} at {rollout!r}"):
             if participant not in self.participants():
                 raise StoreError(f"{participant!r} is not enrolled in {self.path}; add them first.")
             if rollout not in (known := self.rollouts()):
                 raise StoreError(f"{rollout!r} is not in {self.path}; it has {[*known]}.")
+            if session is not None:
+                check_session(self._connection, session, participant)
             tries = [a for a in self.attempts() if a.participant == participant]
             begun = Attempt(
                 participant=participant,
@@ -125,74 +148,123 @@ class StudyStore:
                 attempt=sum(a.rollout == rollout for a in tries),
                 status=AttemptStatus.RUNNING,
                 order_index=len(tries),
+                session=session,
             )
-            self._run("INSERT INTO attempts VALUES (?, ?, ?, ?, ?)", *begun.to_row())
-            self._log("attempt begun", str(begun))
+            insert = "INSERT INTO attempts VALUES (?, ?, ?, ?, ?, ?, ?)"
+            self._connection.run(insert, *begun.to_row())
+            self._connection.log("attempt begun", str(begun))
         return begun
 
-    def append(self, step: LabelledStep) -> None:
-        """Keep one step of a running attempt.
+    def append(self, step: LabelledStep, times: StepTimes | None = None) -> None:
+        """Keep one step of a running attempt, and when it happened.
 
         Raises:
             StoreError: its attempt is not running, or has that step already.
             InvalidRecord: a number is NaN or infinite, or a text is unusable.
         """
         values = tuple(row_from_step(step).values())
-        try:
-            self._connection.execute(_INSERT_STEP, values)
-        except sqlite3.Error as error:
-            fail(self.path, f"keep step {step.step} of {_key(step)}", error)
+        with self._connection.transaction(f"keep step {step.step} of {step.rollout!r}"):
+            self._connection.run(_INSERT_STEP, *values)
+            if times is not None:
+                insert_times(self._connection, step, times)
 
-    def finish_attempt(self, attempt: Attempt) -> None:
+    def add_event(self, attempt: Attempt, event: Event) -> None:
+        """Keep something that happened in a running attempt.
+
+        Raises:
+            StoreError: the attempt is not running.
+        """
+        with self._connection.transaction(f"keep {event.what!r} of {attempt}"):
+            insert_event(self._connection, attempt, event)
+
+    def finish_attempt(self, attempt: Attempt, flags: Sequence[Flag] = ()) -> None:
         """Mark an attempt as finished; durable against a power cut when this returns.
+
+        Args:
+            flags: the limits that it broke.
 
         Raises:
             StoreError: the attempt lacks steps of its rollout, or is not running.
         """
-        with self._transaction(f"finish {attempt}", durable=True):
+        with self._connection.transaction(f"finish {attempt}", durable=True):
+            for flag in flags:
+                insert_flag(self._connection, attempt, flag)
             self._end(attempt, AttemptStatus.FINISHED)
             count = f"SELECT count(*), max(step) FROM steps {_THIS_ATTEMPT}"
-            kept, last = self._run(count, *_key(attempt)).fetchone()
-            steps = self.rollouts()[attempt.rollout].steps
-            if (kept, last) != (steps, steps - 1):
+            kept, last = self._connection.run(count, *attempt.key).fetchone()
+            steps = self.rollouts()[attempt.rollout].steps or kept
+            if kept == 0 or (kept, last) != (steps, steps - 1):
                 raise StoreError(
                     f"{attempt} has {kept} steps, the last is {last}; its rollout has {steps}, "
                     f"counted from 0. Append one for each (invalid ones too), or abandon it."
                 )
 
-    def abandon_attempt(self, attempt: Attempt) -> None:
+    def abandon_attempt(self, attempt: Attempt, reason: str) -> None:
         """Mark an attempt as given up; its steps stay, and ``read_labels`` leaves them out.
 
         Raises:
             StoreError: the attempt is not running.
+            InvalidRecord: the reason is blank or not printable.
         """
-        with self._transaction(f"abandon {attempt}", durable=True):
-            self._end(attempt, AttemptStatus.ABANDONED)
+        check_name("reason", reason)
+        with self._connection.transaction(f"abandon {attempt}", durable=True):
+            self._end(attempt, AttemptStatus.ABANDONED, reason)
+
+    def abandon_running(self, reason: str) -> list[Attempt]:
+        """Abandon whatever a crash left running, so that it is redone; nothing kept is lost.
+
+        Returns:
+            the attempts that were found running.
+        """
+        found = self.attempts(AttemptStatus.RUNNING)
+        for attempt in found:
+            self.abandon_attempt(attempt, reason)
+        return found
 
     def record(self, act: str, detail: str) -> None:
         """Add an act to the audit, which only grows; durable when this returns."""
-        with self._transaction(f"log {act!r}", durable=True):
-            self._log(check_name("act", act), detail)
+        with self._connection.transaction(f"log {act!r}", durable=True):
+            self._connection.log(check_name("act", act), detail)
 
     def participants(self) -> dict[str, str]:
         """Role by pseudonym."""
-        return dict(self._read("SELECT pseudonym, role FROM participants ORDER BY pseudonym"))
+        return dict(
+            self._connection.read("SELECT pseudonym, role FROM participants ORDER BY pseudonym")
+        )
 
     def rollouts(self) -> dict[str, StoredRollout]:
         """Rollouts by name."""
-        rows = self._read("SELECT name, world, control_hz, seed, steps FROM rollouts ORDER BY name")
+        rows = self._connection.read(
+            "SELECT name, world, control_hz, seed, steps FROM rollouts ORDER BY name"
+        )
         return {row[0]: StoredRollout.from_row(row) for row in rows}
 
     def attempts(self, *statuses: AttemptStatus) -> list[Attempt]:
         """Attempts of the given statuses (none given: all), by participant in their order."""
-        columns = "participant, rollout, attempt, status, order_index"
+        columns = "participant, rollout, attempt, status, order_index, session, end_reason"
         query = f"SELECT {columns} FROM attempts ORDER BY participant, order_index"
-        found = map(Attempt.from_row, self._read(query))
+        found = map(Attempt.from_row, self._connection.read(query))
         return [a for a in found if not statuses or a.status in statuses]
+
+    def sessions(self) -> dict[str, Session]:
+        """Sessions by id, in the order in which they began."""
+        return read_sessions(self._connection)
+
+    def timings(self, attempt: Attempt | None = None) -> pa.Table:
+        """When the steps of an attempt (none given: of all) happened: a ``TIMING_SCHEMA`` table."""
+        return read_timings(self._connection, attempt)
+
+    def events(self, attempt: Attempt) -> list[Event]:
+        """What happened in an attempt, in order."""
+        return read_events(self._connection, attempt)
+
+    def flags(self, attempt: Attempt) -> list[Flag]:
+        """The limits of timing that an attempt broke, by name."""
+        return read_flags(self._connection, attempt)
 
     def audit(self) -> list[AuditEntry]:
         """Everything that was logged, in the order it was."""
-        rows = self._read("SELECT at_utc, act, detail FROM audit ORDER BY id")
+        rows = self._connection.read("SELECT at_utc, act, detail FROM audit ORDER BY id")
         return [AuditEntry(at_utc=at_utc, act=act, detail=detail) for at_utc, act, detail in rows]
 
     def read_labels(
@@ -203,67 +275,15 @@ class StudyStore:
         Returns:
             A table of ``LABELLED_STEP_SCHEMA``; names sort by code point.
         """
-        query = (
-            f"SELECT {', '.join(f'steps.{name}' for name in COLUMNS)} FROM steps "
-            f"JOIN attempts USING (participant, rollout, attempt) "
-            f"WHERE status IN ({', '.join('?' * len(statuses))}) "
-            f"ORDER BY steps.participant, steps.rollout, steps.attempt, steps.step"
-        )
-        return pa.Table.from_batches(
-            list(self._batches(query, [status.value for status in statuses])),
-            schema=LABELLED_STEP_SCHEMA,
-        )
+        return read_labels(self._connection, statuses)
 
-    def _batches(self, query: str, values: list[str]) -> Iterator[pa.RecordBatch]:
-        try:
-            cursor = self._connection.execute(query, values)
-            while rows := cursor.fetchmany(_BATCH_ROWS):
-                columns = dict(zip(COLUMNS, map(list, zip(*rows, strict=True)), strict=True))
-                columns["label_valid"] = list(map(bool, columns["label_valid"]))
-                yield pa.RecordBatch.from_pydict(columns, schema=LABELLED_STEP_SCHEMA)
-        except sqlite3.Error as error:
-            fail(self.path, "read the labels", error)
+    def steps(self, attempt: Attempt) -> pa.Table:
+        """Steps of one attempt, whatever its status, in order: a ``LABELLED_STEP_SCHEMA`` table."""
+        return read_steps(self._connection, attempt)
 
-    def _end(self, attempt: Attempt, status: AttemptStatus) -> None:
-        update = f"UPDATE attempts SET status = ? {_THIS_ATTEMPT}"
-        if self._run(update, status.value, *_key(attempt)).rowcount != 1:
+    def _end(self, attempt: Attempt, status: AttemptStatus, reason: str | None = None) -> None:
+        update = f"UPDATE attempts SET status = ?, end_reason = ? {_THIS_ATTEMPT}"
+        if self._connection.run(update, status.value, reason, *attempt.key).rowcount != 1:
             raise StoreError(f"There is no {attempt} in {self.path}; begin it first.")
-        self._log(f"attempt {status}", str(attempt))
-
-    def _log(self, act: str, detail: str) -> None:
-        now = "strftime('%Y-%m-%dT%H:%M:%fZ', 'now')"
-        self._run(f"INSERT INTO audit (at_utc, act, detail) VALUES ({now}, ?, ?)", act, detail)
-
-    def _run(self, statement: str, *values: Any) -> sqlite3.Cursor:
-        return self._connection.execute(statement, values)
-
-    def _read(self, query: str) -> list[Any]:
-        try:
-            return self._connection.execute(query).fetchall()
-        except sqlite3.Error as error:
-            fail(self.path, "read", error)
-
-    @contextmanager
-    def _transaction(self, act: str, *, durable: bool = False) -> Generator[None]:
-        """All of the block or nothing; ``durable`` waits until the disk has it and all before."""
-        connection = self._connection
-        try:
-            if durable:
-                connection.execute("PRAGMA synchronous = FULL")
-            connection.execute("BEGIN IMMEDIATE")
-            yield
-            connection.execute("COMMIT")
-        except BaseException as error:
-            with suppress(sqlite3.Error):  # SQLite may have rolled back, or the file be closed
-                connection.execute("ROLLBACK")
-            if isinstance(error, sqlite3.Error):
-                fail(self.path, act, error)
-            raise
-        finally:
-            if durable:
-                with suppress(sqlite3.Error):  # left at FULL, the store is slower, never less safe
-                    connection.execute("PRAGMA synchronous = NORMAL")
-
-
-def _key(of: Attempt | LabelledStep) -> tuple[str, str, int]:
-    return of.participant, of.rollout, of.attempt
+        why = f": {reason}" if reason else ""
+        self._connection.log(f"attempt {status}", f"{attempt}{why}")

@@ -1,17 +1,17 @@
-"""The study database's tables, how its file is made, opened and recognised, and what errors say."""
+"""How the study database's file is made, opened, recognised and upgraded, and what errors say."""
 
 import sqlite3
+from collections.abc import Iterator
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import NoReturn
 
-import pyarrow as pa
-
 from steerlab.sim.errors import SteerlabError
-from steerlab.sim.records import LABELLED_STEP_SCHEMA, Gate
+from steerlab.sim.store_audit import append_audit, seal_audit
+from steerlab.sim.store_tables import APPLICATION_ID, VERSIONS, VIEWS
 
-STORE_VERSION = 1
-APPLICATION_ID = 0x53544C42  # "STLB" in the file's header: tells our files from other SQLite files
+STORE_VERSION = len(VERSIONS)
 BUSY_TIMEOUT_S = 5.0
 
 
@@ -62,14 +62,7 @@ def create_database(path: Path) -> sqlite3.Connection:
                 f"{path.parent} cannot hold a study: its file system has no shared memory (a "
                 f"network folder?). Choose a folder on a local disk."
             )
-        connection.execute("PRAGMA synchronous = FULL")
-        connection.executescript(f"BEGIN; {_TABLES} COMMIT;")
-        created_by = f"steerlab {version('steerlab')}"
-        connection.executemany(
-            "INSERT INTO meta (key, value) VALUES (?, ?)",
-            [("schema_version", str(STORE_VERSION)), ("created_by", created_by)],
-        )
-        connection.execute("PRAGMA synchronous = NORMAL")
+        _upgrade(connection, path, new=True)
     except BaseException as error:
         if connection is not None:
             connection.close()
@@ -81,7 +74,7 @@ def create_database(path: Path) -> sqlite3.Connection:
 
 
 def open_database(path: Path, *, read_only: bool) -> sqlite3.Connection:
-    """Open an existing study database of this version or an older one.
+    """Open an existing study database; one of an older version is upgraded, unless only read.
 
     Raises:
         StoreError: the file is missing, foreign, damaged, locked or newer than this steerlab.
@@ -91,8 +84,14 @@ def open_database(path: Path, *, read_only: bool) -> sqlite3.Connection:
     connection = None
     try:
         connection = connect(path, read_only=read_only)
-        _recognise(connection, path)
-        if not read_only:  # take the write lock once: a read-only file is told now, not in a drive
+        found = _recognise(connection, path)
+        if found < STORE_VERSION and read_only:
+            connection.executescript(VIEWS[found])
+        elif found < STORE_VERSION:
+            _upgrade(connection, path)
+        elif (
+            not read_only
+        ):  # take the write lock once: a read-only file is told now, not in a drive
             connection.execute("BEGIN IMMEDIATE")
             connection.execute("COMMIT")
     except BaseException as error:
@@ -114,7 +113,52 @@ def connect(path: Path, *, read_only: bool) -> sqlite3.Connection:
     return connection
 
 
-def _recognise(connection: sqlite3.Connection, path: Path) -> None:
+def _upgrade(connection: sqlite3.Connection, path: Path, *, new: bool = False) -> None:
+    """All versions that are missing or none, durable when this returns."""
+    by = f"steerlab {version('steerlab')}"
+    connection.execute("PRAGMA foreign_keys = OFF")  # else a table cannot be made anew
+    connection.execute("PRAGMA synchronous = FULL")
+    connection.execute("BEGIN IMMEDIATE")
+    try:
+        found = 0 if new else _recognise(connection, path)  # another program may have been faster
+        for statement in _statements("".join(VERSIONS[found:])):
+            connection.execute(statement)
+        if dangling := connection.execute("PRAGMA foreign_key_check").fetchall():
+            raise StoreError(
+                f"{path} refers to {len(dangling)} rows that are not there, so it is left at "
+                f"schema {found}; restore the study folder from its last copy."
+            )
+        if new:
+            meta = [("schema_version", str(STORE_VERSION)), ("created_by", by)]
+            connection.executemany("INSERT INTO meta (key, value) VALUES (?, ?)", meta)
+        elif found < STORE_VERSION:
+            set_version = "UPDATE meta SET value = ? WHERE key = 'schema_version'"
+            connection.execute(set_version, (str(STORE_VERSION),))
+            seal_audit(connection)
+            append_audit(connection, "schema upgraded", f"from {found} to {STORE_VERSION} by {by}")
+        connection.execute("COMMIT")
+    except BaseException:
+        with suppress(sqlite3.Error):  # SQLite may have rolled back already
+            connection.execute("ROLLBACK")
+        raise
+    connection.execute("PRAGMA synchronous = NORMAL")
+    connection.execute("PRAGMA foreign_keys = ON")
+
+
+def _statements(script: str) -> Iterator[str]:
+    """One by one: ``executescript`` would commit the transaction that it is called in."""
+    lines: list[str] = []
+    for line in script.splitlines():
+        lines.append(line)
+        if sqlite3.complete_statement("\n".join(lines)):
+            yield "\n".join(lines)
+            lines = []
+    if "".join(lines).strip():
+        yield "\n".join(lines)
+
+
+def _recognise(connection: sqlite3.Connection, path: Path) -> int:
+    """The schema version of a file that we can read."""
     if connection.execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
         raise StoreError(
             f"{path} is a SQLite file, but not one that steerlab made; give the study.db of a "
@@ -122,88 +166,11 @@ def _recognise(connection: sqlite3.Connection, path: Path) -> None:
         )
     meta = dict(connection.execute("SELECT key, value FROM meta"))
     found = meta.get("schema_version", "")
-    if not found.isdecimal():
+    if not found.isdecimal() or int(found) < 1:
         raise StoreError(f"{path} does not say its schema version; restore it from its last copy.")
     if int(found) > STORE_VERSION:
         raise StoreError(
             f"{path} was written by {meta.get('created_by', 'a newer steerlab')} with schema "
             f"{found}; this steerlab reads up to {STORE_VERSION}. Upgrade steerlab."
         )
-
-
-def _step_columns() -> str:
-    """The columns of ``LABELLED_STEP_SCHEMA`` in SQL: there is one list of them, in records."""
-    kinds = {
-        pa.string(): "TEXT",
-        pa.int32(): "INTEGER",
-        pa.float64(): "REAL",
-        pa.bool_(): "INTEGER",
-    }
-    return ", ".join(
-        f"{field.name} {kinds[field.type]}{'' if field.nullable else ' NOT NULL'}"
-        for field in LABELLED_STEP_SCHEMA
-    )
-
-
-# STRICT: without it SQLite keeps a numpy int as a blob and a text as a number where it can.
-_TABLES = f"""
-PRAGMA application_id = {APPLICATION_ID};
-
-CREATE TABLE meta (key TEXT NOT NULL PRIMARY KEY, value TEXT NOT NULL) STRICT;
-
-CREATE TABLE participants (pseudonym TEXT NOT NULL PRIMARY KEY, role TEXT NOT NULL) STRICT;
-
-CREATE TABLE rollouts (
-    name TEXT NOT NULL PRIMARY KEY, world TEXT NOT NULL, control_hz REAL NOT NULL,
-    seed INTEGER NOT NULL, steps INTEGER NOT NULL CHECK (steps > 0)
-) STRICT;
-
-CREATE TABLE attempts (
-    participant TEXT NOT NULL REFERENCES participants (pseudonym),
-    rollout TEXT NOT NULL REFERENCES rollouts (name),
-    attempt INTEGER NOT NULL CHECK (attempt >= 0),
-    status TEXT NOT NULL CHECK (status IN ('running', 'finished', 'abandoned')),
-    order_index INTEGER NOT NULL CHECK (order_index >= 0),
-    PRIMARY KEY (participant, rollout, attempt),
-    UNIQUE (participant, order_index)
-) STRICT;
-
-CREATE TABLE steps (
-    {_step_columns()},
-    CHECK (gate IN ({", ".join(f"'{gate}'" for gate in Gate)})),
-    CHECK (label_valid IN (0, 1)),
-    PRIMARY KEY (participant, rollout, attempt, step),
-    FOREIGN KEY (participant, rollout, attempt) REFERENCES attempts (participant, rollout, attempt)
-) STRICT, WITHOUT ROWID;
-
-CREATE TABLE audit (
-    id INTEGER PRIMARY KEY, at_utc TEXT NOT NULL, act TEXT NOT NULL, detail TEXT NOT NULL
-) STRICT;
-
--- What was recorded stays as it was, whichever program writes. The insert triggers also stop
--- INSERT OR REPLACE, whose deletions fire no delete trigger.
-CREATE TRIGGER attempts_end_once BEFORE UPDATE ON attempts
-WHEN OLD.status <> 'running' OR NEW.participant <> OLD.participant OR NEW.rollout <> OLD.rollout
-    OR NEW.attempt <> OLD.attempt OR NEW.order_index <> OLD.order_index
-BEGIN SELECT RAISE(ABORT, 'an attempt ends once and keeps its place'); END;
-
-CREATE TRIGGER steps_join_a_running_attempt BEFORE INSERT ON steps
-WHEN NOT EXISTS (
-    SELECT 1 FROM attempts WHERE participant = NEW.participant AND rollout = NEW.rollout
-    AND attempt = NEW.attempt AND status = 'running'
-)
-BEGIN SELECT RAISE(ABORT, 'the attempt is not running'); END;
-
-CREATE TRIGGER steps_stay BEFORE UPDATE ON steps
-BEGIN SELECT RAISE(ABORT, 'a recorded step is never changed'); END;
-
-CREATE TRIGGER audit_ids_are_new BEFORE INSERT ON audit
-WHEN EXISTS (SELECT 1 FROM audit WHERE id = NEW.id)
-BEGIN SELECT RAISE(ABORT, 'the audit is append only'); END;
-
-CREATE TRIGGER audit_stays BEFORE UPDATE ON audit
-BEGIN SELECT RAISE(ABORT, 'the audit is append only'); END;
-
-CREATE TRIGGER audit_is_kept BEFORE DELETE ON audit
-BEGIN SELECT RAISE(ABORT, 'the audit is append only'); END;
-"""
+    return int(found)

@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.populations import PopulationKind, sample_population
 from steerlab.sim.rollout import FloatArray, Rollout
-from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherNotReady
+from steerlab.sim.scripted_teacher import ScriptedTeacher, WholeResponse, stimulus
 
 QuirkKind = Literal["asymmetric", "power", "underdamped", "hold", "lapses"]
 QUIRKS: tuple[QuirkKind, ...] = get_args(QuirkKind)
@@ -132,11 +132,11 @@ class UnusualTeacher:
 
     def __post_init__(self) -> None:
         self.name = self.scripted.name
-        self._labels: FloatArray | None = None
+        self._response = WholeResponse(self.name)
 
     def begin(self, rollout: Rollout, *, order: int, attempt: int) -> None:
         """Compute the whole response to ``rollout``, the ``order``-th of the session."""
-        self._labels = self.respond(rollout, order=order, attempt=attempt)
+        self._response.begin(self.respond(rollout, order=order, attempt=attempt))
 
     def label(self, step: int) -> float | None:
         """The label for ``step`` of the rollout last begun.
@@ -144,13 +144,7 @@ class UnusualTeacher:
         Raises:
             TeacherNotReady: ``begin`` was not called, or the rollout has no such step.
         """
-        if self._labels is None:
-            raise TeacherNotReady(f"{self.name} has no rollout; call begin(rollout, ...) first.")
-        if not 0 <= step < len(self._labels):
-            raise TeacherNotReady(
-                f"{self.name}: step {step} is outside the rollout's 0..{len(self._labels) - 1}."
-            )
-        return float(self._labels[step])
+        return self._response.label(step)
 
     def respond(self, rollout: Rollout, *, order: int, attempt: int) -> FloatArray:
         """Labels for all steps, shape (steps,), within ±``WHEEL_LIMIT``.
@@ -162,13 +156,11 @@ class UnusualTeacher:
             return self.scripted.respond(
                 rollout, order=order, attempt=attempt
             )  # says what is wrong
-        steps = np.arange(rollout.steps, dtype=np.float64)
-        known = rollout.oracle_valid
-        stimulus = np.interp(steps, steps[known], rollout.oracle_label[known])
         entropy = self.scripted.noise_seed(rollout.name, attempt).generate_state(4)
         rng = np.random.default_rng([_QUIRK_STREAM, *entropy.tolist()])
-        seen = self.quirk(stimulus, 1.0 / rollout.control_hz, rng)
-        changed = replace(rollout, oracle_label=seen, oracle_valid=np.ones_like(known))
+        seen = self.quirk(stimulus(rollout), 1.0 / rollout.control_hz, rng)
+        everywhere = np.ones_like(rollout.oracle_valid)
+        changed = replace(rollout, oracle_label=seen, oracle_valid=everywhere)
         return self.scripted.respond(changed, order=order, attempt=attempt)
 
 

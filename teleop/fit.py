@@ -1,36 +1,33 @@
 """``steerlab fit``: train, cross-validate and report on any label table."""
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
+from typing import get_args
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from steerlab.analysis.figures import improvement_figure, label_figure, people_figure
-from steerlab.analysis.fit_report import FitFigures, FitReport, LabelFacts, render_fit_report
-from steerlab.analysis.report import LabelsCaption, ladder_of
-from steerlab.analysis.summary import SPLITS, SplitSummary, StyleSummary, Summary
+from steerlab.analysis.fit_report import LabelFacts, render_fit_report
+from steerlab.analysis.summary import Summary
+from steerlab.learning import certainty
 from steerlab.learning.checkpoint import save_mapper
-from steerlab.learning.cross_validation import (
-    CrossValidation,
-    Prediction,
-    Progress,
-    cross_validate,
-    fit_within_budget,
-)
+from steerlab.learning.cross_validation import CrossValidation, cross_validate
 from steerlab.learning.folds import FoldPlan, plan_folds
 from steerlab.learning.label_file import read_label_columns
 from steerlab.learning.label_table import LabelScale, LabelTable, label_table
-from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.presets import preset
+from steerlab.learning.training_budget import Progress, fit_within_budget
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.rollout import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
+from steerlab.teleop.fit_report import compose_report, summarise
 from steerlab.teleop.output_folder import output_folder
-from steerlab.teleop.provenance import versions
+from steerlab.teleop.population_run import Ladder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +36,7 @@ class FitConfig:
 
     folds: int = 4
     preset: str = "lab"
+    ladder: Ladder = "full"
     seed: int = 0
     limit: float = WHEEL_LIMIT
     rate_hz: float | None = None
@@ -50,6 +48,10 @@ class FitConfig:
                     f"{name} is {getattr(self, name)}; it must be at least {least}."
                 )
         preset(self.preset)
+        if self.ladder not in get_args(Ladder):
+            raise InvalidConfig(
+                f"ladder is {self.ladder!r}; choose one of {', '.join(get_args(Ladder))}."
+            )
         self.scale  # noqa: B018  checks limit and rate
 
     @property
@@ -66,6 +68,8 @@ def fit(
     Layout: ``mapped.parquet`` (each held-out label as mapped), ``models/mind_meld.safetensors``,
     ``report/index.html``, ``summary.json``.
 
+    People unlike the others are named in the report, not in warnings: folds would repeat them.
+
     Args:
         command: the command line, for the report.
 
@@ -73,16 +77,29 @@ def fit(
         SteerlabError: bad input or no place to write; nothing is left behind.
     """
     started = perf_counter()
-    with output_folder(out, force=force) as folder:
+    with output_folder(out, force=force) as folder, _without_warnings(certainty.log):
         progress("reading labels", 0.0)
         table = label_table(read_label_columns(labels), config.scale)
         progress("reading labels", 1.0)
         plan = plan_folds(table, config.folds, config.seed)
         read_s = perf_counter() - started
-        settings = preset(config.preset)
-        result = cross_validate(plan, settings, seed=config.seed, progress=progress)
+        result = cross_validate(
+            plan,
+            preset(config.preset),
+            seed=config.seed,
+            progress=progress,
+            full=config.ladder == "full",
+        )
         final_started = perf_counter()
-        mapper = _final(plan, config, progress)
+        mapper = result.mapper
+        if plan.fit is not None:
+            mapper = fit_within_budget(
+                plan.fit,
+                preset(config.preset),
+                seed=config.seed,
+                what="final model",
+                progress=progress,
+            )
         seconds = {
             "read": read_s,
             **result.seconds,
@@ -94,8 +111,9 @@ def fit(
         pq.write_table(mapped_table(table, result), folder / "mapped.parquet", compression="zstd")
         progress("writing the report", 0.0)
         seconds["before_report"] = perf_counter() - started
-        summary = _summary(result, table, config, seconds)
-        page = render_fit_report(_report(labels, table, plan, result, summary, config, command))
+        summary = summarise(result, table, config.seed, seconds)
+        facts = _facts(labels.name, table, plan, result, config)
+        page = render_fit_report(compose_report(result, summary, facts, command))
         (folder / "report" / "index.html").write_text(page)
         (folder / "summary.json").write_text(summary.to_json())
         progress("writing the report", 1.0)
@@ -120,13 +138,15 @@ def mapped_table(table: LabelTable, result: CrossValidation) -> pa.Table:
         rows = pa.array(np.repeat(np.arange(len(values)), lengths))
         return pa.array(values, type=kind).take(rows)
 
-    text = pa.dictionary(pa.int32(), pa.string())
+    def names(values: Sequence[str]) -> pa.DictionaryArray:
+        code = {name: index for index, name in enumerate(dict.fromkeys(values))}
+        rows = np.repeat(np.array([code[value] for value in values], dtype=np.int32), lengths)
+        return pa.DictionaryArray.from_arrays(pa.array(rows), pa.array(list(code), pa.string()))
+
     return pa.table(
         {
-            "person": by_series([one.series.person for one in table.given], pa.string()).cast(text),
-            "rollout": by_series([one.series.rollout for one in table.given], pa.string()).cast(
-                text
-            ),
+            "person": names([one.series.person for one in table.given]),
+            "rollout": names([one.series.rollout for one in table.given]),
             "step": pa.array(np.concatenate([one.steps for one in table.given])),
             "label": column([unit * one.series.label[one.rows] for one in table.given]),
             "truth": column([unit * one.series.truth[one.rows] for one in table.given]),
@@ -144,124 +164,28 @@ def mapped_table(table: LabelTable, result: CrossValidation) -> pa.Table:
     )
 
 
-def _final(plan: FoldPlan, config: FitConfig, progress: Progress) -> MindMeldMapper:
-    mapper, _ = fit_within_budget(
-        plan.fit, preset(config.preset), seed=config.seed, what="final model", progress=progress
-    )
-    if plan.calibrate:
-        mapper.calibrate(plan.calibrate)
-    return mapper
-
-
-def _summary(
-    result: CrossValidation, table: LabelTable, config: FitConfig, seconds: dict[str, float]
-) -> Summary:
-    unit = 1.0 / table.scale.wheel_per_unit
-    splits: dict[str, SplitSummary] = {}
-    for split in SPLITS:
-        best = result.quality[split]["mind_meld"]
-        splits[split] = SplitSummary(
-            people=best.people,
-            labels=best.labels,
-            mae_before=unit * best.mae_before,
-            mae_after=unit * best.mae_after,
-            improvement={name: one.improvement for name, one in result.quality[split].items()},
-            ci95=best.ci95,
-            person_median=best.person_median,
-            people_improved=best.people_improved,
-            labels_worsened=best.labels_worsened,
-            per_sample_percent=best.per_sample_percent,
-        )
-    unknown = StyleSummary(probe_r2=None, spearman_new=None)  # a file does not tell true styles
-    return Summary(
-        verb="fit",
-        seed=config.seed,
-        noise="as recorded",
-        versions=versions(),
-        seconds=seconds,
-        splits=splits,
-        style={"gain": unknown, "delay": unknown},
-    )
-
-
-def _report(
-    labels: Path,
-    table: LabelTable,
-    plan: FoldPlan,
-    result: CrossValidation,
-    summary: Summary,
-    config: FitConfig,
-    command: str,
-) -> FitReport:
-    ladder_ci95 = {
-        name: {split: result.quality[split][name].ci95 for split in SPLITS}
-        for name in result.quality["new"]
-    }
-    errors = {split: _people_errors(result.predictions, split, config.limit) for split in SPLITS}
-    caption, figure = _example(result.predictions, errors["new"], config.limit)
+def _facts(
+    file: str, table: LabelTable, plan: FoldPlan, result: CrossValidation, config: FitConfig
+) -> LabelFacts:
     rates = [one.series.rate_hz for one in table.given]
-    return FitReport(
-        summary=summary,
-        ladder_ci95=ladder_ci95,
-        command=command,
-        facts=LabelFacts(
-            file=labels.name,
-            people=len({one.series.person for one in table.given}),
-            rollouts=len(table.given),
-            labels=sum(int(one.series.valid.sum()) for one in table.given),
-            rates_hz=(min(rates), max(rates)),
-            limit=config.limit,
-            folds=None if table.has_split else len(plan.folds),
-            preset=config.preset,
-            notices=(*table.notices, *plan.notices, *result.notices),
-        ),
-        labels=caption,
-        figures=FitFigures(
-            labels=figure,
-            ladder=improvement_figure(ladder_of(summary, ladder_ci95)),
-            people=people_figure(
-                {
-                    split: (
-                        np.array([before for before, _ in of.values()]),
-                        np.array([after for _, after in of.values()]),
-                    )
-                    for split, of in errors.items()
-                }
-            ),
-        ),
+    return LabelFacts(
+        file=file,
+        people=len({one.series.person for one in table.given}),
+        rollouts=len(table.given),
+        labels=sum(int(one.series.valid.sum()) for one in table.given),
+        rates_hz=(min(rates), max(rates)),
+        limit=config.limit,
+        folds=None if table.has_split else len(plan.folds),
+        preset=config.preset,
+        notices=(*table.notices, *plan.notices, *result.notices),
     )
 
 
-def _people_errors(
-    predictions: Sequence[Prediction], split: str, limit: float
-) -> dict[str, tuple[float, float]]:
-    """By person, the mean error before and after, in the file's units."""
-    sums: dict[str, FloatArray] = {}
-    for one in predictions:
-        if one.split == split:
-            series = one.series
-            before = np.abs(series.label - series.truth)[series.valid]
-            after = np.abs(one.mapped - series.truth)[series.valid]
-            total = sums.setdefault(series.person, np.zeros(3))
-            total += before.sum(), after.sum(), len(before)
-    unit = limit / WHEEL_LIMIT
-    return {
-        person: (unit * before / labels, unit * after / labels)
-        for person, (before, after, labels) in sorted(sums.items())
-    }
-
-
-def _example(
-    predictions: Sequence[Prediction], errors: dict[str, tuple[float, float]], limit: float
-):
-    """Before and after for the new person whose improvement is the median one."""
-    ranked = sorted(errors, key=lambda person: errors[person][1] / max(errors[person][0], 1e-12))
-    person = ranked[len(ranked) // 2]
-    shown = next(one for one in predictions if one.split == "new" and one.series.person == person)
-    series, unit = shown.series, limit / WHEEL_LIMIT
-    label, mapped, truth = (unit * v for v in (series.label, shown.mapped, series.truth))
-    caption = LabelsCaption.of(
-        teacher=person, split="new", rollout=series.rollout, raw=label, mapped=mapped, truth=truth
-    )
-    t_s = np.arange(series.steps) / series.rate_hz
-    return caption, label_figure(t_s, label, mapped, truth, saturation=limit)
+@contextmanager
+def _without_warnings(log: logging.Logger) -> Iterator[None]:
+    before = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(before)

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from steerlab.learning.label_quality import LabelQuality, mapper_quality
-from steerlab.learning.ladder import build_ladder
+from steerlab.learning.ladder import build_ladder, left_out
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper, stack_embeddings
 from steerlab.learning.presets import preset
 from steerlab.learning.probe import StyleProbe, style_parameters
@@ -21,7 +21,7 @@ from steerlab.sim.labelling import labelled_table
 from steerlab.sim.populations import PopulationKind, sample_population
 from steerlab.sim.rollout import FloatArray, Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher
-from steerlab.teleop.loop import NullClock, label_rollout
+from steerlab.teleop.loop import label_rollout
 
 Progress = Callable[[str, float], None]
 """Told what is being done and which share of it is, 0 to 1."""
@@ -77,6 +77,7 @@ class PopulationResult:
     parts: StudySplit
     mapper: MindMeldMapper
     scores: dict[str, Scores]  # by split
+    left_out: dict[str, str]  # rungs that were not judged, and why
     probe: StyleProbe | None
     spearman_new: dict[str, float]
     seconds: dict[str, float]
@@ -127,12 +128,15 @@ def run_population(config: PopulationConfig, progress: Progress) -> PopulationRe
     seconds["calibrate"] = perf_counter() - started
 
     started = perf_counter()
+    without = left_out(
+        [parts], preset(config.preset), full=config.ladder == "full", styles_known=True
+    )
     ladder = build_ladder(
         mapper,
         parts,
         seed=config.seed,
-        on_step=progress,
-        full=config.ladder == "full",
+        on_step=lambda share: progress("fitting rival mappers", share),
+        without=without,
         styles={teacher.name: teacher.style for teacher in (*seen, *new)},
     )
     seconds["ladder"] = perf_counter() - started
@@ -153,6 +157,7 @@ def run_population(config: PopulationConfig, progress: Progress) -> PopulationRe
         parts=parts,
         mapper=mapper,
         scores=scores,
+        left_out=without,
         probe=probe,
         spearman_new=spearman_new,
         seconds=seconds,
@@ -165,7 +170,7 @@ def _label(
     tables: list[pa.Table] = []
     for done, teacher in enumerate(teachers, start=1):
         for order, rollout in enumerate(rollouts):
-            labels = label_rollout(rollout, teacher, order=order, clock=NullClock())
+            labels = label_rollout(rollout, teacher, order=order)
             tables.append(labelled_table(rollout, labels, participant=teacher.name))
         progress(f"{split} teachers correct the rollouts", done / len(teachers))
     return tables

@@ -34,29 +34,14 @@ _PROBED = {"gain": "log_gain", "delay": "delay_s"}  # summary name: what the pro
 
 def summarise(result: PopulationResult, seconds: Mapping[str, float]) -> Summary:
     """The numbers of ``summary.json``."""
-    splits: dict[str, SplitSummary] = {}
-    for split in SPLITS:
-        ladder = result.scores[split].ladder
-        best = ladder[result.mapper.name]
-        splits[split] = SplitSummary(
-            people=best.people,
-            labels=best.labels,
-            mae_before=best.mae_before,
-            mae_after=best.mae_after,
-            improvement={name: quality.improvement for name, quality in ladder.items()},
-            ci95=best.ci95,
-            person_median=best.person_median,
-            people_improved=best.people_improved,
-            labels_worsened=best.labels_worsened,
-            per_sample_percent=best.per_sample_percent,
-        )
     probe_r2 = result.probe.probe_r2 if result.probe else {}
     return Summary(
         seed=result.config.seed,
         noise=result.config.noise,
         versions=versions(),
         seconds=seconds,
-        splits=splits,
+        splits={split: SplitSummary.of(result.scores[split].ladder) for split in SPLITS},
+        left_out=result.left_out,
         style={
             name: StyleSummary(
                 probe_r2=probe_r2.get(probed), spearman_new=result.spearman_new.get(probed)

@@ -1,6 +1,5 @@
 """``steerlab synthetic``: the paper's synthetic experiment, written as one folder of results."""
 
-from dataclasses import fields
 from pathlib import Path
 from time import perf_counter
 
@@ -16,11 +15,10 @@ from steerlab.analysis.synthetic_report import (
     render_synthetic_report,
 )
 from steerlab.learning.checkpoint import save_mapper
-from steerlab.learning.cross_validation import Progress
-from steerlab.learning.label_quality import LabelQuality
 from steerlab.learning.synthetic.demonstrators import WHEEL_PER_RAD, Timing, label_drives
 from steerlab.learning.synthetic.drives import Drive
 from steerlab.learning.synthetic.experiment import SyntheticConfig, SyntheticResult, run_synthetic
+from steerlab.learning.training_budget import Progress
 from steerlab.sim.populations import PAPER
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.teleop.output_folder import output_folder
@@ -64,7 +62,11 @@ def summarise(result: SyntheticResult, seconds: dict[str, float]) -> SyntheticSu
         seed=result.config.seed,
         versions=versions(),
         seconds=seconds,
-        splits={split: _split(result.quality[split]) for split in SYNTHETIC_SPLITS},
+        left_out=result.left_out,
+        splits={
+            split: SplitSummary.of(result.quality[split], unit=1.0 / WHEEL_PER_RAD)
+            for split in SYNTHETIC_SPLITS
+        },
         style={
             name: StyleSummary(
                 probe_r2=result.probe_r2.get(probed), spearman_new=result.spearman_new.get(probed)
@@ -99,21 +101,6 @@ def compose_report(
                 _demonstrators(result, result.new_people),
             )
         ),
-    )
-
-
-def _split(ladder: dict[str, LabelQuality]) -> SplitSummary:
-    best = ladder["mind_meld"]
-    same = {
-        field.name: getattr(best, field.name)
-        for field in fields(SplitSummary)
-        if field.name not in ("improvement", "mae_before", "mae_after")
-    }
-    return SplitSummary(
-        improvement={name: one.improvement for name, one in ladder.items()},
-        mae_before=best.mae_before / WHEEL_PER_RAD,
-        mae_after=best.mae_after / WHEEL_PER_RAD,
-        **same,
     )
 
 

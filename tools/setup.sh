@@ -52,6 +52,21 @@ if ! gl_works; then
   gl_works || die "OpenGL still cannot draw offscreen after installing $gl_packages; run .venv/bin/steerlab doctor"
 fi
 
+# What some tests look through: a display, a browser, and a driver for Rerun's pictures. Without
+# them those tests are skipped and say so.
+if [ "$kind" = dev ]; then
+  missing=""
+  command -v Xvfb >/dev/null || missing="$missing xvfb"
+  command -v xdotool >/dev/null || missing="$missing xdotool"
+  command -v chromium >/dev/null || command -v chromium-browser >/dev/null ||
+    command -v google-chrome >/dev/null || missing="$missing chromium"
+  ls /usr/share/vulkan/icd.d/lvp_icd*.json >/dev/null 2>&1 || missing="$missing mesa-vulkan-drivers"
+  if [ -n "$missing" ]; then
+    (install_packages "Some tests need$missing" $missing) ||
+      echo "Going on without; the tests that need$missing will be skipped."
+  fi
+fi
+
 touch .venv/.steerlab-run
 [ "$kind" = dev ] && touch .venv/.steerlab-dev
 exit 0

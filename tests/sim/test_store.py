@@ -175,7 +175,7 @@ def test_a_redo_is_a_new_attempt_and_the_old_one_stays(store: StudyStore):
     store.add_rollout(drive("r1"))
     first = store.begin_attempt("P01", "r0")
     store.append(step_of(first, 0))
-    store.abandon_attempt(first)
+    store.abandon_attempt(first, "redo")
     second = label(store, "P01")
     third = label(store, "P01", "r1")
     assert [(a.rollout, a.attempt, a.order_index) for a in store.attempts()] == [
@@ -184,7 +184,7 @@ def test_a_redo_is_a_new_attempt_and_the_old_one_stays(store: StudyStore):
         ("r1", 0, 2),
     ]
     assert store.attempts(AttemptStatus.ABANDONED) == [
-        replace(first, status=AttemptStatus.ABANDONED)
+        replace(first, status=AttemptStatus.ABANDONED, end_reason="redo")
     ]
     assert set(store.read_labels().column("attempt").to_pylist()) == {second.attempt, 0}
     assert store.read_labels().num_rows == 6
@@ -208,9 +208,9 @@ def test_an_ended_attempt_takes_no_step_and_ends_once(store: StudyStore):
     with pytest.raises(StoreError, match="the attempt is not running"):
         store.append(step_of(attempt, 3))
     with pytest.raises(StoreError, match="an attempt ends once"):
-        store.abandon_attempt(attempt)
+        store.abandon_attempt(attempt, "redo")
     with pytest.raises(StoreError, match="There is no attempt 5"):
-        store.abandon_attempt(replace(attempt, attempt=5))
+        store.abandon_attempt(replace(attempt, attempt=5), "redo")
 
 
 def test_a_step_is_kept_once(store: StudyStore):
@@ -228,12 +228,15 @@ def test_a_step_is_kept_once(store: StudyStore):
     [
         "UPDATE audit SET act = 'x'",
         "DELETE FROM audit",
-        "INSERT OR REPLACE INTO audit VALUES (1, 'now', 'x', 'y')",
+        "INSERT OR REPLACE INTO audit SELECT * FROM audit",
         "UPDATE steps SET teacher_label = 0",
         "INSERT OR REPLACE INTO steps SELECT * FROM steps",
         "UPDATE attempts SET status = 'running'",
         "INSERT INTO attempts SELECT * FROM attempts",
         "INSERT INTO meta VALUES ('schema_version', '0')",
+        "DELETE FROM steps",
+        "DELETE FROM attempts",
+        "DELETE FROM participants",
     ],
 )
 def test_another_program_cannot_rewrite_the_record(store: StudyStore, statement: str):

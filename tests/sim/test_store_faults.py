@@ -12,7 +12,7 @@ import pytest
 from steerlab.sim import store_schema
 from steerlab.sim.store import StudyStore
 from steerlab.sim.store_records import AttemptStatus
-from steerlab.sim.store_schema import StoreError, connect, fail
+from steerlab.sim.store_schema import STORE_VERSION, StoreError, connect, fail
 
 WRITER = """
 import sys
@@ -66,7 +66,7 @@ def test_kill_9_loses_nothing_that_was_acknowledged(tmp_path: Path, kill_after_l
         kept = store.read_labels([*AttemptStatus])
         labels = store.read_labels()
         for attempt in store.attempts(AttemptStatus.RUNNING):
-            store.abandon_attempt(attempt)  # what a resumed session does
+            store.abandon_attempt(attempt, "redo")  # what a resumed session does
         redo = store.begin_attempt("P01", "r0")
     at = set(zip(kept.column("attempt").to_pylist(), kept.column("step").to_pylist(), strict=True))
     assert steps <= at
@@ -122,7 +122,7 @@ def test_a_clean_close_leaves_one_file(tmp_path: Path):
 
 
 def test_a_failed_creation_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(store_schema, "_TABLES", "CREATE TABEL oops;")
+    monkeypatch.setattr(store_schema, "VERSIONS", ("CREATE TABEL oops;",))
     with pytest.raises(StoreError, match="Cannot make a study"):
         StudyStore.create(tmp_path / "study.db")
     assert list(tmp_path.iterdir()) == []
@@ -151,7 +151,14 @@ def test_a_foreign_database_is_told_and_left_alone(tmp_path: Path):
 
 @pytest.mark.parametrize(
     ("version", "message"),
-    [("2", r"schema 2; this steerlab reads up to 1\. Upgrade"), ("x", "does not say its schema")],
+    [
+        (
+            str(STORE_VERSION + 1),
+            rf"schema {STORE_VERSION + 1}; this steerlab reads up to {STORE_VERSION}\. Upgrade",
+        ),
+        ("x", "does not say its schema"),
+        ("0", "does not say"),
+    ],
 )
 def test_a_newer_or_unclear_schema_is_told(tmp_path: Path, version: str, message: str):
     path = tmp_path / "study.db"
@@ -205,7 +212,7 @@ def test_a_reader_cannot_write(tmp_path: Path):
 def test_a_full_disk_keeps_what_was_stored(tmp_path: Path):
     with StudyStore.create(tmp_path / "study.db") as store:
         store.add_participant("P01", "seen")
-        store._connection.execute("PRAGMA max_page_count = 1")  # SQLite's own way to be full
+        store._connection.run("PRAGMA max_page_count = 1")  # SQLite's own way to be full
         with pytest.raises(StoreError, match="full; free some room"):
             store.add_participant("P02" * 20_000, "seen")
         assert store.participants() == {"P01": "seen"}

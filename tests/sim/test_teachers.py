@@ -8,13 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steerlab.sim.errors import InvalidConfig, SteerlabError
-from steerlab.sim.geometry import Pose2D
 from steerlab.sim.populations import sample_population
-from steerlab.sim.rollout import FloatArray, Outcome, Rollout
+from steerlab.sim.rollout import FloatArray, Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherNotReady, TeacherStyle
 from steerlab.sim.teachers import Teacher
 from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.sim.world import WorldSpec
 
 NOISY = TeacherStyle(
     gain=1.4,
@@ -27,31 +25,6 @@ NOISY = TeacherStyle(
     bias=0.1,
     drift=0.01,
 )
-
-
-def make_rollout(label: FloatArray, *, name: str = "one", control_hz: float = 20.0) -> Rollout:
-    steps = len(label)
-    return Rollout(
-        name=name,
-        world=WorldSpec(name="flat", ball_xy_m=(40.0, 0.0), start=Pose2D(0.0, 0.0, 0.0)),
-        control_hz=control_hz,
-        seed=0,
-        outcome=Outcome.TIME_LIMIT,
-        t_s=np.arange(steps) / control_hz,
-        pose=np.zeros((steps, 3)),
-        velocity=np.zeros((steps, 3)),
-        acceleration=np.zeros((steps, 2)),
-        robot_wheel=np.zeros(steps),
-        oracle_label=label,
-        oracle_valid=np.isfinite(label),
-        physics_state=np.zeros((steps, 1)),
-    )
-
-
-def waves(seconds: float = 8.0, control_hz: float = 20.0, *, name: str = "one") -> Rollout:
-    t_s = np.arange(round(seconds * control_hz)) / control_hz
-    label = np.sin(1.3 * t_s) + 0.5 * np.sin(2.9 * t_s + 1.0)
-    return make_rollout(label, name=name, control_hz=control_hz)
 
 
 def respond(style: TeacherStyle, rollout: Rollout, *, order: int = 0, seed: int = 3) -> FloatArray:
@@ -74,7 +47,9 @@ def _make_teacher(request: pytest.FixtureRequest) -> Callable[[], Teacher]:
 
 
 class TestContract:
-    def test_labels_are_finite_and_within_the_wheel(self, make_teacher: Callable[[], Teacher]):
+    def test_labels_are_finite_and_within_the_wheel(
+        self, make_teacher: Callable[[], Teacher], waves
+    ):
         teacher, rollout = make_teacher(), waves()
         teacher.begin(rollout, order=0, attempt=0)
         labels = [teacher.label(step) for step in range(rollout.steps)]
@@ -82,7 +57,7 @@ class TestContract:
         assert max(abs(label) for label in labels if label is not None) <= WHEEL_LIMIT
 
     def test_a_label_does_not_depend_on_the_order_of_calls(
-        self, make_teacher: Callable[[], Teacher]
+        self, make_teacher: Callable[[], Teacher], waves
     ):
         first, second = make_teacher(), make_teacher()
         rollout, other = waves(name="a"), waves(name="b")
@@ -103,7 +78,7 @@ class TestContract:
 
     @pytest.mark.parametrize("step", [-1, 160])
     def test_a_step_outside_the_rollout_is_an_error(
-        self, make_teacher: Callable[[], Teacher], step: int
+        self, make_teacher: Callable[[], Teacher], step: int, waves
     ):
         teacher = make_teacher()
         teacher.begin(waves(), order=0, attempt=0)
@@ -111,14 +86,14 @@ class TestContract:
             teacher.label(step)
 
 
-def test_a_perfect_teacher_gives_the_oracle():
+def test_a_perfect_teacher_gives_the_oracle(waves):
     rollout = waves()
     np.testing.assert_array_equal(respond(TeacherStyle(), rollout), rollout.oracle_label)
 
 
 @settings(deadline=None)
 @given(gain=st.floats(0.1, 5.0))
-def test_gain_scales_and_saturates(gain: float):
+def test_gain_scales_and_saturates(gain: float, waves):
     rollout = waves()
     expected = np.clip(gain * rollout.oracle_label, -WHEEL_LIMIT, WHEEL_LIMIT)
     np.testing.assert_allclose(respond(TeacherStyle(gain=gain), rollout), expected, atol=1e-12)
@@ -129,20 +104,20 @@ def test_gain_scales_and_saturates(gain: float):
     delay_steps=st.integers(-20, 20),
     control_hz=st.sampled_from([10.0, 20.0, 50.0]),
 )
-def test_delay_of_whole_steps_shifts(delay_steps: int, control_hz: float):
+def test_delay_of_whole_steps_shifts(delay_steps: int, control_hz: float, waves):
     rollout = waves(control_hz=control_hz)
     label = respond(TeacherStyle(delay_s=delay_steps / control_hz), rollout)
     source = np.clip(np.arange(rollout.steps) - delay_steps, 0, rollout.steps - 1)
     np.testing.assert_allclose(label, rollout.oracle_label[source], atol=1e-9)
 
 
-def test_a_fraction_of_a_step_lies_between():
+def test_a_fraction_of_a_step_lies_between(make_rollout):
     ramp = make_rollout(np.linspace(0.0, 2.0, 81))
     label = respond(TeacherStyle(delay_s=0.0625), ramp)
     np.testing.assert_allclose(label[2:], ramp.oracle_label[2:] - 1.25 * 0.025)
 
 
-def test_a_preview_sees_the_actual_future():
+def test_a_preview_sees_the_actual_future(make_rollout):
     label = np.zeros(60)
     label[40:] = 1.0
     seen = respond(TeacherStyle(delay_s=-0.5), make_rollout(label))
@@ -150,7 +125,7 @@ def test_a_preview_sees_the_actual_future():
     assert seen[30] == 1.0
 
 
-def test_lag_follows_the_closed_form_on_a_ramp():
+def test_lag_follows_the_closed_form_on_a_ramp(make_rollout):
     t_s = np.arange(100) / 20.0
     label = respond(TeacherStyle(lag_s=0.2), make_rollout(0.4 * t_s))
     np.testing.assert_allclose(label, 0.4 * (t_s - 0.2 * (1.0 - np.exp(-t_s / 0.2))), atol=1e-12)
@@ -164,7 +139,7 @@ def test_lag_follows_the_closed_form_on_a_ramp():
     dead_zone=st.floats(0.0, 0.3),
 )
 def test_a_style_means_the_same_at_any_control_rate(
-    gain: float, delay_s: float, lag_s: float, dead_zone: float
+    gain: float, delay_s: float, lag_s: float, dead_zone: float, waves
 ):
     style = TeacherStyle(gain=gain, delay_s=delay_s, lag_s=lag_s, dead_zone=dead_zone)
     slow, fast = respond(style, waves(control_hz=20.0)), respond(style, waves(control_hz=100.0))
@@ -174,24 +149,24 @@ def test_a_style_means_the_same_at_any_control_rate(
 
 @settings(deadline=None)
 @given(seed=st.integers(0, 2**32), gain=st.floats(0.1, 20.0), noise=st.floats(0.0, 3.0))
-def test_labels_never_pass_full_lock(seed: int, gain: float, noise: float):
+def test_labels_never_pass_full_lock(seed: int, gain: float, noise: float, waves):
     style = TeacherStyle(gain=gain, constant_noise=noise, signal_noise=noise, noise_time_s=0.2)
     assert np.abs(respond(style, waves(), seed=seed)).max() <= WHEEL_LIMIT
 
 
-def test_dead_zone_ignores_small_stimuli_without_a_jump():
+def test_dead_zone_ignores_small_stimuli_without_a_jump(make_rollout):
     label = respond(TeacherStyle(dead_zone=0.3), make_rollout(np.array([0.2, -0.3, 0.5, -1.0])))
     np.testing.assert_allclose(label, [0.0, 0.0, 0.2, -0.7])
 
 
-def test_drift_changes_gain_over_the_session():
+def test_drift_changes_gain_over_the_session(waves):
     style = TeacherStyle(gain=0.5, drift=0.1)
     rollout = waves()
     first, fourth = respond(style, rollout), respond(style, rollout, order=3)
     np.testing.assert_allclose(fourth, np.exp(0.3) * first)
 
 
-def test_noise_has_the_stated_size_and_correlation():
+def test_noise_has_the_stated_size_and_correlation(make_rollout):
     still = make_rollout(np.full(40_000, 0.5))
     style = TeacherStyle(constant_noise=0.05, signal_noise=0.1, noise_time_s=0.2)
     noise = respond(style, still) - 0.5
@@ -199,7 +174,7 @@ def test_noise_has_the_stated_size_and_correlation():
     assert np.corrcoef(noise[4:], noise[:-4])[0, 1] == pytest.approx(np.exp(-1.0), abs=0.03)
 
 
-def test_no_two_teachers_rollouts_or_attempts_share_noise():
+def test_no_two_teachers_rollouts_or_attempts_share_noise(make_rollout):
     style = TeacherStyle(constant_noise=1.0)
     flat = [make_rollout(np.zeros(50), name=name) for name in ("a", "b")]
     rows = [
@@ -213,13 +188,13 @@ def test_no_two_teachers_rollouts_or_attempts_share_noise():
     assert np.abs(np.corrcoef(rows) - np.eye(len(rows))).max() < 0.6
 
 
-def test_order_does_not_change_noise():
+def test_order_does_not_change_noise(waves):
     style = TeacherStyle(constant_noise=0.3)
     rollout = waves()
     np.testing.assert_array_equal(respond(style, rollout), respond(style, rollout, order=5))
 
 
-def test_masked_steps_are_bridged_by_the_teacher_and_stay_masked_in_the_rollout():
+def test_masked_steps_are_bridged_by_the_teacher_and_stay_masked_in_the_rollout(make_rollout):
     label = np.linspace(0.0, 2.0, 41)
     masked = label.copy()
     masked[10:20] = np.nan
@@ -228,7 +203,7 @@ def test_masked_steps_are_bridged_by_the_teacher_and_stay_masked_in_the_rollout(
     assert np.isnan(rollout.oracle_label[10:20]).all()
 
 
-def test_a_rollout_without_any_oracle_label_is_an_error():
+def test_a_rollout_without_any_oracle_label_is_an_error(make_rollout):
     with pytest.raises(InvalidConfig, match="no valid oracle"):
         respond(TeacherStyle(), make_rollout(np.full(30, np.nan)))
 
@@ -249,7 +224,7 @@ def test_impossible_styles_are_refused(field: str, value: float):
         TeacherStyle(**{field: value})
 
 
-def test_order_and_attempt_must_not_be_negative():
+def test_order_and_attempt_must_not_be_negative(waves):
     with pytest.raises(InvalidConfig, match="order -1"):
         ScriptedTeacher("t", TeacherStyle(), 0).begin(waves(), order=-1, attempt=0)
 
@@ -258,7 +233,7 @@ def test_not_ready_is_a_runtime_error():
     assert issubclass(TeacherNotReady, RuntimeError)
 
 
-def test_step_by_step_equals_the_whole_response():
+def test_step_by_step_equals_the_whole_response(waves):
     teacher, rollout = ScriptedTeacher("t", NOISY, 1), waves()
     teacher.begin(rollout, order=2, attempt=1)
     stepped = [teacher.label(step) for step in range(rollout.steps)]

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import logging
 import os
 from pathlib import Path
 
@@ -11,14 +12,20 @@ import pyarrow.parquet as pq
 import pytest
 
 from steerlab.analysis.summary import Summary
-from steerlab.learning import cross_validation
+from steerlab.learning import certainty, cross_validation, training_budget
 from steerlab.learning.checkpoint import load_mapper
-from steerlab.learning.cross_validation import cross_validate, fit_within_budget
+from steerlab.learning.cross_validation import cross_validate
+from steerlab.learning.label_file import read_label_columns
+from steerlab.learning.label_table import LabelScale, label_table
+from steerlab.learning.ladder import LADDER
 from steerlab.learning.presets import MapperConfig
 from steerlab.learning.training import TrainingConfig
+from steerlab.learning.training_budget import fit_within_budget
 from steerlab.learning.windows import WindowConfig
+from steerlab.sim.errors import InvalidConfig
 from steerlab.teleop import fit as fit_module
 from steerlab.teleop.cli import main
+from steerlab.teleop.fit import FitConfig
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "example-labels.csv"
 QUICK = MapperConfig(
@@ -35,7 +42,7 @@ def _silent(what: str, share: float) -> None:
 @pytest.fixture
 def quick(monkeypatch):
     monkeypatch.setattr(fit_module, "preset", lambda name: QUICK)
-    monkeypatch.setattr(cross_validation, "LEAST_TRAINING_STEPS", 20)
+    monkeypatch.setattr(training_budget, "LEAST_TRAINING_STEPS", 20)
 
 
 def _write(path: Path, rows: list[dict[str, object]]) -> Path:
@@ -63,8 +70,8 @@ def _rows(people: int = 4, rollouts: int = 4, steps: int = 20) -> list[dict[str,
     ]
 
 
-def _fit(labels: Path, out: Path, *options: str) -> int:
-    return main(["fit", str(labels), "--out", str(out), *options])
+def _fit(labels: Path, out: Path, *options: str, ladder: str = "quick") -> int:
+    return main(["fit", str(labels), "--out", str(out), "--ladder", ladder, *options])
 
 
 def test_everything_promised_is_there(quick, tmp_path, capsys):
@@ -118,7 +125,7 @@ def test_the_page_needs_nothing_else(quick, tmp_path):
     page = (tmp_path / "out" / "report" / "index.html").read_text()
     assert "http" not in page.replace("http-equiv", "")
     assert "<script" not in page
-    assert "<b>p" not in page
+    assert "<b>p0" not in page
     assert page.count("<img") == 3
     assert str(tmp_path) not in page
 
@@ -225,11 +232,148 @@ def test_what_cannot_be_fitted_is_said(change, options, said, quick, tmp_path, c
     assert said in _refused(capsys, labels, tmp_path / "out", *options)
 
 
+def test_labels_without_error_are_refused_before_anything_is_trained(quick, tmp_path, capsys):
+    rows = [
+        {**row, "label": row["truth"] if row["person"] in ("p0", "p1") else row["label"]}
+        for row in _rows()
+    ]
+    labels = _write(tmp_path / "labels.csv", rows)
+    said = _refused(capsys, labels, tmp_path / "out", "--folds", "2")
+    assert "2 of 4 seen people gave labels without any error" in said
+    assert "'p0', 'p1'" in said
+    few = [{**row, "label": row["truth"]} if row["person"] == "p0" else row for row in _rows()]
+    _write(labels, few)
+    assert _fit(labels, tmp_path / "out", "--folds", "2") == 0
+
+
 def test_labels_that_are_the_truth_cannot_be_improved(quick, tmp_path, capsys):
     rows = [{**row, "label": row["truth"]} for row in _rows()]
     labels = _write(tmp_path / "labels.csv", rows)
     said = _refused(capsys, labels, tmp_path / "out", "--folds", "2")
     assert "no improvement is defined" in said
+
+
+def _moving(rows: list[dict[str, object]], wheel: float = 1.0) -> list[dict[str, object]]:
+    """The same with a car's motion, the wheel in units of ``wheel``."""
+    return [
+        {
+            **row,
+            "yaw_rate_radps": 0.3 * row["truth"],
+            "speed_mps": 5.0,
+            "robot_wheel": wheel * (row["truth"] + 0.1),
+        }
+        for row in rows
+    ]
+
+
+def _summary(out: Path) -> Summary:
+    return Summary.from_json((out / "summary.json").read_text())
+
+
+def test_what_cannot_be_judged_is_said_in_summary_and_report(quick, tmp_path):
+    labels = _write(tmp_path / "labels.csv", _rows())
+    assert _fit(labels, tmp_path / "out", "--folds", "2") == 0
+    summary = _summary(tmp_path / "out")
+    judged = set(summary.splits["new"].improvement)
+    assert judged | set(summary.left_out) == set(LADDER)
+    assert set(summary.left_out) == {"no_embedding", "mind_meld_paper", "sim_pretrained_context"}
+    page = (tmp_path / "out" / "report" / "index.html").read_text()
+    for key, why in summary.left_out.items():
+        assert f"<code>{key}</code>" in page
+        assert why in page
+    assert "without yaw_rate_radps, speed_mps, robot_wheel" in page
+
+
+def test_a_table_with_the_cars_motion_has_the_rung_that_reads_it(quick, tmp_path):
+    improvements = []
+    for name, unit in (("wheel", 1.0), ("percent", 40.0)):
+        rows = [
+            {**row, "label": unit * row["label"], "truth": unit * row["truth"]}
+            for row in _moving(_rows(), unit)
+        ]
+        labels = _write(tmp_path / f"{name}.csv", rows)
+        limit = str(2.5 * unit)
+        assert _fit(labels, tmp_path / name, "--folds", "2", "--limit", limit) == 0
+        summary = _summary(tmp_path / name)
+        assert "sim_pretrained_context" not in summary.left_out
+        improvements.append(summary.splits["new"].improvement["sim_pretrained_context"])
+    assert improvements[1] == pytest.approx(improvements[0], abs=1e-4)  # the wheel was scaled too
+
+
+def test_a_wheel_in_other_units_and_slow_labels_leave_rungs_out(quick, tmp_path):
+    labels = _write(tmp_path / "labels.csv", _moving(_rows(), wheel=30.0))
+    assert _fit(labels, tmp_path / "out", "--folds", "2", "--rate-hz", "0.2") == 0
+    left_out = _summary(tmp_path / "out").left_out
+    for key in ("eb_nonlinear", "sim_pretrained", "sim_pretrained_context"):
+        assert "0.2 Hz" in left_out[key]
+    assert _fit(labels, tmp_path / "out", "--folds", "2", "--force") == 0
+    left_out = _summary(tmp_path / "out").left_out
+    assert "robot_wheel reaches" in left_out["sim_pretrained_context"]
+    assert "sim_pretrained" not in left_out
+
+
+def test_people_unlike_the_others_are_named_in_the_report(quick, tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(certainty.TrainingPeople, "furthest", lambda self: 0.0)
+    monkeypatch.setattr(certainty.TrainingPeople, "distance", lambda self, embedding: 1.0)
+    labels = _write(tmp_path / "labels.csv", _rows())
+    assert _fit(labels, tmp_path / "out", "--folds", "2") == 0
+    assert not caplog.records
+    page = (tmp_path / "out" / "report" / "index.html").read_text()
+    assert "of a style unlike the training people’s" in page
+    assert certainty.log.level == logging.NOTSET
+
+
+@pytest.mark.slow
+def test_the_full_ladder_is_the_default(quick, tmp_path, monkeypatch):
+    monkeypatch.setattr(cross_validation, "PAPER", QUICK)
+    labels = _write(tmp_path / "labels.csv", _moving(_rows()))
+    assert main(["fit", str(labels), "--out", str(tmp_path / "out"), "--folds", "2"]) == 0
+    summary = _summary(tmp_path / "out")
+    assert summary.left_out == {}
+    for split in ("seen", "new"):
+        assert set(summary.splits[split].improvement) == set(LADDER)
+
+
+def test_two_rollouts_and_two_folds_are_enough(quick, tmp_path):
+    labels = _write(tmp_path / "labels.csv", _rows(rollouts=2))
+    assert _fit(labels, tmp_path / "out", "--folds", "2") == 0
+    assert {"shared_ridge", "person_ridge"} <= set(_summary(tmp_path / "out").left_out)
+
+
+def test_rollouts_of_one_step_give_a_result(quick, tmp_path):
+    labels = _write(tmp_path / "labels.csv", _rows(steps=1))
+    assert _fit(labels, tmp_path / "out", "--folds", "2") == 0
+
+
+def test_an_unknown_ladder_is_refused():
+    with pytest.raises(InvalidConfig, match="choose one of full, quick"):
+        FitConfig(ladder="tall")
+
+
+def test_with_a_split_column_the_model_that_was_judged_is_kept(quick, tmp_path):
+    names = {"p0": ("train", "heldout"), "p1": ("train", "heldout")}
+    rows = [
+        {
+            **row,
+            "split": names.get(row["person"], ("new_calibration", "new_test"))[
+                row["rollout"] == "r3"
+            ],
+        }
+        for row in _rows()
+    ]
+    labels = _write(tmp_path / "labels.csv", rows)
+    assert _fit(labels, tmp_path / "out") == 0
+    mapper = load_mapper(tmp_path / "out" / "models" / "mind_meld.safetensors")
+    mapped = pq.read_table(tmp_path / "out" / "mapped.parquet").to_pylist()
+    table = label_table(read_label_columns(labels), LabelScale())
+    for one in (given.series for given in table.given):
+        if one.rollout == "r3":
+            found = [
+                row["mapped"]
+                for row in mapped
+                if (row["person"], row["rollout"]) == (one.person, one.rollout)
+            ]
+            np.testing.assert_allclose(found, mapper.map(one), atol=1e-5)
 
 
 def test_constant_labels_give_a_result(quick, tmp_path):
@@ -267,6 +411,6 @@ def test_a_table_of_many_people(quick, tmp_path, monkeypatch):
     )
     pq.write_table(table, tmp_path / "many.parquet")
     assert _fit(tmp_path / "many.parquet", tmp_path / "out", "--folds", "2") == 0
-    summary = Summary.from_json((tmp_path / "out" / "summary.json").read_text())
+    summary = _summary(tmp_path / "out")
     assert summary.splits["new"].people == people
     assert len(load_mapper(tmp_path / "out" / "models" / "mind_meld.safetensors").people) == people

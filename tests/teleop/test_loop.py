@@ -7,13 +7,17 @@ from steerlab.sim.populations import sample_population
 from steerlab.sim.records import table_from_steps
 from steerlab.sim.store import StudyStore
 from steerlab.sim.store_records import StoredRollout
-from steerlab.teleop.loop import NullClock, label_rollout
+from steerlab.teleop.devices.contract import DeviceInfo, DeviceSample, InputKind
+from steerlab.teleop.devices.scripted import ScriptedDevice
+from steerlab.teleop.drives.replay import Replay
+from steerlab.teleop.loop import DriveEnd, LabelSink, NullClock, label_rollout, run_drive
+from steerlab.teleop.pacing import Tick
 
 ROLLOUT = load_calibration_set()[3]
 
 
 class Absent:
-    """A device that drops out now and then."""
+    """A teacher whose device drops out now and then."""
 
     name = "absent"
 
@@ -25,32 +29,105 @@ class Absent:
 
 
 class CountingClock:
+    """Every step comes due late by its own number of ns."""
+
+    overrun_ns = 100
+
     def __init__(self):
         self.waited = []
+        self.started = 0
 
-    def wait_for(self, step):
-        self.waited.append(step)
+    def start(self):
+        self.started += 1
+
+    def wait_for(self, step, show):
+        self.waited.append((step, show))
+        return Tick(1000 * step, 1000 * step + step)
 
 
-def test_each_step_waits_for_the_clock_once_and_in_order():
-    clock, teacher, given = CountingClock(), Absent(), []
-    labels = label_rollout(
-        ROLLOUT,
-        teacher,
+class Keep:
+    def __init__(self):
+        self.kept = []
+
+    def step(self, step, timing):
+        self.kept.append((step, timing))
+
+
+class Still:
+    """A device that never moves, last heard at 5 ns."""
+
+    info = DeviceInfo(kind=InputKind.WHEEL, name="still")
+
+    def begin(self, rollout, *, order, attempt):
+        self.begun = (rollout, order, attempt)
+
+    def read(self, step=None):
+        return DeviceSample(wheel=0.25, t_event_ns=5)
+
+
+class StopsAt:
+    focused = True
+
+    def __init__(self, step):
+        self.left = step
+
+    def interruption(self, sample):
+        self.left -= 1
+        return DriveEnd.PAUSED if self.left < 0 else None
+
+
+def run(clock, sink, *, device=None, watch=None, show=None):
+    return run_drive(
+        Replay(ROLLOUT),
+        device or Still(),
+        participant="p",
         order=2,
         attempt=1,
         clock=clock,
-        on_label=lambda step, label: given.append((step, label)),
+        sink=sink,
+        watch=watch,
+        show=show,
+        now_ns=lambda: 7_000_000,
     )
-    assert clock.waited == list(range(ROLLOUT.steps))
-    assert teacher.begun == (ROLLOUT.name, 2, 1)
-    assert [step for step, _ in given] == clock.waited
-    assert given[3][1] is None
-    assert given[4][1] == labels[4] == 0.004
+
+
+def test_each_step_waits_for_the_clock_once_and_in_order():
+    clock, sink, device = CountingClock(), Keep(), Still()
+    show = object()
+    assert run(clock, sink, device=device, show=show) is DriveEnd.FINISHED
+    assert clock.started == 1
+    assert clock.waited == [(step, show) for step in range(ROLLOUT.steps)]
+    assert device.begun == (ROLLOUT, 2, 1)
+    assert [step.step for step, _ in sink.kept] == list(range(ROLLOUT.steps))
+    assert {(step.participant, step.attempt) for step, _ in sink.kept} == {("p", 1)}
+
+
+def test_timing_says_what_the_clock_and_the_device_said():
+    sink = Keep()
+    run(CountingClock(), sink)
+    timings = [timing for _, timing in sink.kept]
+    assert timings[42].deadline_ns == 42_000
+    assert timings[42].lateness_ns == 42
+    assert timings[42].sample_ns == 7_000_000
+    assert timings[42].event_age_ns == 7_000_000 - 5
+    assert [timing.overrun for timing in timings] == [n >= 100 for n in range(len(timings))]
+    assert all(timing.focus and timing.device_ok for timing in timings)
+
+
+def test_an_interruption_ends_the_drive_before_its_step_is_kept():
+    sink = Keep()
+    assert run(CountingClock(), sink, watch=StopsAt(17)) is DriveEnd.PAUSED
+    assert [step.step for step, _ in sink.kept] == list(range(17))
+
+
+def test_a_null_clock_gives_no_timing():
+    sink = Keep()
+    run(NullClock(), sink)
+    assert {timing for _, timing in sink.kept} == {None}
 
 
 def test_a_missing_label_stays_missing():
-    labels = label_rollout(ROLLOUT, Absent(), order=0, clock=NullClock())
+    labels = label_rollout(ROLLOUT, Absent(), order=0)
     table = labelled_table(ROLLOUT, labels, participant="p")
     assert table["teacher_label"].null_count == len(range(3, ROLLOUT.steps, 10))
     valid = np.asarray(table["label_valid"])
@@ -60,7 +137,7 @@ def test_a_missing_label_stays_missing():
 
 
 def test_the_table_and_the_single_records_are_the_same():
-    labels = label_rollout(ROLLOUT, Absent(), order=0, clock=NullClock())
+    labels = label_rollout(ROLLOUT, Absent(), order=0)
     steps = [
         labelled_step(
             ROLLOUT, step, None if np.isnan(label) else float(label), participant="p", attempt=2
@@ -71,22 +148,39 @@ def test_the_table_and_the_single_records_are_the_same():
     assert table_from_steps(steps).equals(table)
 
 
+class StoreSink:
+    def __init__(self, store):
+        self.store = store
+
+    def step(self, step, timing):
+        self.store.append(step)
+
+
 def test_a_scripted_teacher_through_the_loop_into_the_store(tmp_path):
-    """The way a wheel's labels will go: loop, store, table."""
+    """The way a wheel's labels go: loop, store, table."""
     (teacher,) = sample_population("human", 1, 0, prefix="p")
     with StudyStore.create(tmp_path / "study.db") as store:
         store.add_participant(teacher.name, "training")
         store.add_rollout(StoredRollout.of(ROLLOUT))
         attempt = store.begin_attempt(teacher.name, ROLLOUT.name)
-        labels = label_rollout(
-            ROLLOUT,
-            teacher,
+        run_drive(
+            Replay(ROLLOUT),
+            ScriptedDevice(teacher),
+            participant=teacher.name,
             order=0,
             clock=NullClock(),
-            on_label=lambda step, label: store.append(
-                labelled_step(ROLLOUT, step, label, participant=teacher.name)
-            ),
+            sink=StoreSink(store),
         )
         store.finish_attempt(attempt)
         stored = store.read_labels()
+    labels = label_rollout(ROLLOUT, teacher, order=0)
+    assert np.isfinite(labels).all()
     assert stored.equals(labelled_table(ROLLOUT, labels, participant=teacher.name))
+
+
+def test_the_label_sink_keeps_nan_for_none():
+    sink = LabelSink()
+    run(NullClock(), sink, device=ScriptedDevice(Absent()))
+    labels = sink.labels()
+    assert np.isnan(labels[3])
+    assert labels[4] == 0.004

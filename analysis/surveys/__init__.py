@@ -1,0 +1,1 @@
+"""Questionnaires: what is asked, what was answered, and how it is scored."""

@@ -1,0 +1,109 @@
+"""A world drawn with the car at any pose, without physics: for replays and for the screen."""
+
+from math import atan, tan
+from types import TracebackType
+from typing import Any
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+from numpy.typing import NDArray
+
+from steerlab.sim.engine.camera import Camera, CameraConfig
+from steerlab.sim.engine.scene import compose
+from steerlab.sim.geometry import Pose2D
+from steerlab.sim.vehicle import CarConfig
+from steerlab.sim.world import WorldSpec
+
+_JOINTS = ("x", "y", "yaw", "steer_fl", "steer_fr")
+
+
+class WorldView:
+    """Builds the scene once (slow), then draws frames (fast); nothing in it moves by itself.
+
+    Raises:
+        NoRenderer: this machine has no OpenGL back end that can draw offscreen.
+    """
+
+    def __init__(
+        self,
+        world: WorldSpec,
+        camera: CameraConfig | None = None,
+        *,
+        car: CarConfig | None = None,
+    ) -> None:
+        self.world = world
+        self._car = car or CarConfig()
+        root: Any = compose(world, self._car).ground.mjcf_model
+        self._physics: Any = mjcf.Physics.from_mjcf_model(root)
+        model: mujoco.MjModel = self._physics.model.ptr
+        self._data: mujoco.MjData = self._physics.data.ptr
+        self._places = [int(model.joint(f"car/{name}").qposadr[0]) for name in _JOINTS]
+        try:
+            self._camera = Camera(model, self._data, camera)
+        except BaseException:
+            self._physics.free()
+            raise
+        self._open = True
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of a frame."""
+        return self._camera.config.width, self._camera.config.height
+
+    def frame(
+        self,
+        pose: Pose2D,
+        road_wheel_rad: float = 0.0,
+        out: NDArray[np.uint8] | None = None,
+    ) -> NDArray[np.uint8]:
+        """Draw the car at ``pose`` with its front wheels turned, positive to the left.
+
+        Returns:
+            (height, width, 3) RGB, top row first: ``out`` if given, else a buffer that the next
+            call overwrites.
+
+        Raises:
+            NoRenderer: the view is closed.
+        """
+        if self._open:
+            left_rad, right_rad = ackermann_rad(self._car, road_wheel_rad)
+            self._data.qpos[self._places] = (
+                pose.x_m,
+                pose.y_m,
+                pose.heading_rad,
+                left_rad,
+                right_rad,
+            )
+        return self._camera.frame(out)
+
+    def close(self) -> None:
+        """Free the OpenGL context and the model; calling it again does nothing."""
+        if self._open:
+            self._open = False
+            self._camera.close()
+            self._physics.free()
+
+    def __enter__(self) -> "WorldView":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def ackermann_rad(car: CarConfig, road_wheel_rad: float) -> tuple[float, float]:
+    """Left and right front wheel of a car whose axles turn about one centre.
+
+    Args:
+        road_wheel_rad: of the wheel midway between the two, positive to the left.
+    """
+    slope = tan(road_wheel_rad)
+    reach_m, half_track_m = car.wheelbase_m * slope, car.track_m / 2.0 * slope
+    return atan(reach_m / (car.wheelbase_m - half_track_m)), atan(
+        reach_m / (car.wheelbase_m + half_track_m)
+    )

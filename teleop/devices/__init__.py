@@ -1,0 +1,1 @@
+"""What a teacher steers with: one contract over wheels, sticks, keys, mouse, scripts and traces."""

@@ -1,0 +1,177 @@
+"""The practice drive: the participant drives to one ball after another, and nothing is labelled."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from time import perf_counter_ns, sleep
+
+import numpy as np
+
+from steerlab.sim.engine.driving import Driving, DrivingConfig
+from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.records import LabelledStep
+from steerlab.sim.rollout import Outcome
+from steerlab.sim.world import WorldSpec
+from steerlab.sim.world_generator import WorldConfig, generate_world
+from steerlab.teleop.devices.contract import Device
+from steerlab.teleop.drives.live import LiveDrive
+from steerlab.teleop.drives.who_drives import PersonDrives
+from steerlab.teleop.loop import DriveEnd, run_drive
+from steerlab.teleop.pacing import PacingConfig, WallClock, no_garbage_collection
+from steerlab.teleop.pages import pause_page, practice_done_page, practice_page
+from steerlab.teleop.screen.contract import Act, DriveView, Page, Screen
+from steerlab.teleop.stage import Stage
+from steerlab.teleop.timing import StepTiming
+from steerlab.teleop.watch import PersonWatch
+
+
+@dataclass(frozen=True, kw_only=True)
+class PracticeConfig:
+    """How long and where to practise.
+
+    Attributes:
+        balls: how many to reach before it is over.
+        pedals: drive with throttle and brake; without, at cruise speed.
+        seed: of the worlds, each with few blocks.
+    """
+
+    balls: int = 5
+    pedals: bool = True
+    seed: int = 0
+    time_limit_s: float = 120.0  # for one ball
+    countdown_s: float = 3.0
+
+    def __post_init__(self) -> None:
+        if self.balls < 1:
+            raise InvalidConfig(f"balls is {self.balls}; it must be at least 1.")
+
+
+@dataclass(frozen=True, slots=True)
+class PracticeResult:
+    """What came of it."""
+
+    balls: int
+    crashes: int
+    stopped: bool
+
+
+class Practice:
+    """Drives after drives until enough balls were reached, or the person stops.
+
+    Args:
+        poll: empties the event queue.
+    """
+
+    def __init__(
+        self,
+        *,
+        screen: Screen,
+        device: Device,
+        poll: Callable[[], None],
+        config: PracticeConfig | None = None,
+        pacing: PacingConfig | None = None,
+        now_ns: Callable[[], int] = perf_counter_ns,
+        sleep_s: Callable[[float], None] = sleep,
+    ) -> None:
+        self._screen = screen
+        self._device = device
+        self._config = config or PracticeConfig()
+        self._now_ns = now_ns
+        self._clock = WallClock(pacing or PacingConfig(), poll, now_ns=now_ns, sleep_s=sleep_s)
+        self._watch = PersonWatch(screen)
+        self._stage = Stage(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
+        self._balls = self._crashes = 0
+
+    def run(self) -> PracticeResult:
+        """Practise."""
+        number = 0
+        while self._balls < self._config.balls:
+            rng = np.random.default_rng((self._config.seed, number))
+            world = generate_world(f"practice-{number}", rng, WorldConfig(blocks=(4, 9)))
+            with _drive_in(world, self._config) as drive:
+                self._screen.enter(world)
+                if not self._until_reached(drive):
+                    return PracticeResult(self._balls, self._crashes, stopped=True)
+            number += 1
+        self._stage.ask(
+            lambda: practice_done_page(self._balls, self._crashes), {Act.CONFIRM, Act.STOP}
+        )
+        return PracticeResult(self._balls, self._crashes, stopped=False)
+
+    def _until_reached(self, drive: LiveDrive) -> bool:
+        """Drive until this ball is reached; False to stop."""
+        while True:
+            drive.begin(participant="practice", attempt=0)
+            self._clock.start()
+            self._show(drive, 0.0)
+            if not self._stage.countdown(
+                self._balls + 1, self._config.balls, self._config.countdown_s
+            ):
+                return False
+            self._watch.begin(self._device.read())
+            with no_garbage_collection():
+                end = run_drive(
+                    drive,
+                    self._device,
+                    participant="practice",
+                    order=0,
+                    clock=self._clock,
+                    sink=_Nowhere(),
+                    watch=self._watch,
+                    show=lambda fraction: self._show(drive, fraction),
+                    now_ns=self._now_ns,
+                )
+            if end is DriveEnd.STOPPED:
+                return False
+            if end is not DriveEnd.FINISHED:
+                if end is not DriveEnd.REDO and not self._pause(end):
+                    return False
+                continue
+            reached = drive.outcome is Outcome.BALL_REACHED
+            self._balls += reached
+            self._crashes += drive.outcome is Outcome.BLOCK_HIT
+            if reached and self._balls >= self._config.balls:
+                return True
+            page = practice_page(drive.outcome, self._balls, self._config.balls)
+            if self._stage.ask(lambda page=page: page, {Act.CONFIRM, Act.STOP}) is Act.STOP:
+                return False
+            if reached:
+                return True
+
+    def _pause(self, why: DriveEnd) -> bool:
+        def page() -> Page:
+            sample = self._device.read()
+            return pause_page(why, sample, self._device.info.name, focused=self._screen.focused)
+
+        return self._stage.ready(page)
+
+    def _show(self, drive: LiveDrive, fraction: float) -> None:
+        sample = self._device.read()
+        self._screen.show_drive(
+            DriveView(
+                pose=drive.between(fraction).pose,
+                elapsed_s=self._clock.elapsed_s,
+                number=self._balls + 1,
+                count=self._config.balls,
+                needle=sample.wheel if sample.ok else None,
+                device=self._device.info.name,
+                device_ok=sample.ok,
+                recording=False,
+                instruction="Drive to the orange ball.",
+                balls=self._balls,
+                teacher_drives=True,
+            )
+        )
+
+
+class _Nowhere:
+    """Practice is not recorded."""
+
+    def step(self, step: LabelledStep, timing: StepTiming | None) -> None:
+        """Forget it."""
+
+
+@contextmanager
+def _drive_in(world: WorldSpec, config: PracticeConfig) -> Iterator[LiveDrive]:
+    with Driving(world, config=DrivingConfig(time_limit_s=config.time_limit_s)) as driving:
+        yield LiveDrive(world.name, driving, lambda state: 0.0, PersonDrives(pedals=config.pedals))

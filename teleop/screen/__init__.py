@@ -1,0 +1,1 @@
+"""What a participant sees: the window, the drive and its instruments, and the pages between."""

@@ -1,0 +1,44 @@
+"""How the window looks."""
+
+from dataclasses import dataclass
+
+from steerlab.sim.engine.camera import MAX_SIDE_PX, CameraConfig, View
+from steerlab.sim.errors import InvalidConfig
+
+SMALLEST = (640, 360)
+TEXT_SCALES = (0.8, 2.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScreenConfig:
+    """How the window looks.
+
+    Attributes:
+        width, height: in pixels; a full screen takes the desktop's instead.
+        view: from the car's front, or from behind it.
+        text_scale: 0.8 to 2; 1 is made for 960x540, and grows with the window.
+        frame_budget_ms: a frame that takes longer than this is drawn in fewer pixels; a display
+            of 60 Hz leaves 16.7 ms, and input and recording want their part.
+    """
+
+    width: int = 960
+    height: int = 540
+    full_screen: bool = False
+    view: View = "front"
+    text_scale: float = 1.0
+    frame_budget_ms: float = 12.0
+
+    def __post_init__(self) -> None:
+        if not (
+            SMALLEST[0] <= self.width <= MAX_SIDE_PX and SMALLEST[1] <= self.height <= MAX_SIDE_PX
+        ):
+            raise InvalidConfig(
+                f"A window of {self.width}x{self.height}; give {SMALLEST[0]}x{SMALLEST[1]} to "
+                f"{MAX_SIDE_PX}x{MAX_SIDE_PX}, such as 960x540 or 1280x720."
+            )
+        CameraConfig(view=self.view)
+        low, high = TEXT_SCALES
+        if not low <= self.text_scale <= high:
+            raise InvalidConfig(f"text_scale is {self.text_scale}; give {low:g} to {high:g}.")
+        if not self.frame_budget_ms > 0.0:
+            raise InvalidConfig(f"frame_budget_ms is {self.frame_budget_ms}; must be positive.")

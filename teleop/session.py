@@ -1,0 +1,238 @@
+"""A person's session: drive after drive, with countdown, pauses and redos, until all are done."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from time import perf_counter_ns, sleep
+from typing import Protocol
+
+from steerlab.sim.errors import InvalidConfig, SteerlabError
+from steerlab.sim.records import Gate, LabelledStep
+from steerlab.sim.vehicle import CarConfig
+from steerlab.teleop.devices.contract import Device
+from steerlab.teleop.drives.contract import Drive
+from steerlab.teleop.gates import FailedGate, GateConfig, LoopHealth, failed_gates
+from steerlab.teleop.loop import DriveEnd, run_drive
+from steerlab.teleop.pacing import PacingConfig, WallClock, no_garbage_collection
+from steerlab.teleop.pages import (
+    drive_done_page,
+    error_page,
+    pause_page,
+    session_done_page,
+)
+from steerlab.teleop.screen.contract import Act, DriveView, Page, Screen
+from steerlab.teleop.stage import Stage
+from steerlab.teleop.timing import StepTiming
+from steerlab.teleop.watch import PersonWatch
+
+
+class AttemptRecord(Protocol):
+    """Keeps one attempt; ``order`` is its place in the participant's session."""
+
+    attempt: int
+    order: int
+
+    def step(self, step: LabelledStep, timing: StepTiming | None) -> None:
+        """Keep one step; returns at once.
+
+        Raises:
+            SteerlabError: steps can no longer be kept.
+        """
+        ...
+
+    def event(self, step: int, what: str) -> None:
+        """Keep that something happened."""
+        ...
+
+    def finish(self, failed: Sequence[FailedGate]) -> None:
+        """All steps are there; durable when this returns."""
+        ...
+
+    def abandon(self, reason: str) -> None:
+        """The attempt does not count; its steps stay."""
+        ...
+
+
+class Recorder(Protocol):
+    """Keeps a session."""
+
+    def begin(self, drive: Drive) -> AttemptRecord:
+        """Open the participant's next attempt at a drive."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionConfig:
+    """How a session goes.
+
+    Attributes:
+        show_agent_wheel: may anchor the labels, which are what is studied: off by default.
+    """
+
+    countdown_s: float = 3.0
+    instruction: str = "Steer as you think the car should have steered."
+    show_agent_wheel: bool = False
+    pacing: PacingConfig = field(default_factory=PacingConfig)
+    gates: GateConfig = field(default_factory=GateConfig)
+
+    def __post_init__(self) -> None:
+        if not self.countdown_s >= 0.0:
+            raise InvalidConfig(f"countdown_s is {self.countdown_s}; it must not be negative.")
+
+
+class SessionEnd(StrEnum):
+    """How a session ended."""
+
+    DONE = "all drives are done"
+    STOPPED = "stopped; it goes on from here next time"
+
+
+class Session:
+    """Shows drives on ``screen`` and records what the person at ``device`` does.
+
+    Args:
+        poll: empties the event queue.
+        total, done: drives of the whole session, and how many of them were done before.
+        now_ns, sleep_s: time itself; tests pass their own.
+
+    Attributes:
+        done: drives done so far.
+        health: of each attempt finished in this session.
+    """
+
+    def __init__(
+        self,
+        *,
+        screen: Screen,
+        device: Device,
+        poll: Callable[[], None],
+        recorder: Recorder,
+        participant: str,
+        total: int,
+        done: int = 0,
+        config: SessionConfig | None = None,
+        now_ns: Callable[[], int] = perf_counter_ns,
+        sleep_s: Callable[[float], None] = sleep,
+    ) -> None:
+        self._screen = screen
+        self._device = device
+        self._recorder = recorder
+        self._participant = participant
+        self._config = config or SessionConfig()
+        self._car = CarConfig()
+        self._total = total
+        self.done = done
+        self._now_ns = now_ns
+        self._clock = WallClock(self._config.pacing, poll, now_ns=now_ns, sleep_s=sleep_s)
+        self._watch = PersonWatch(screen)
+        self._stage = Stage(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
+        self.health: list[LoopHealth] = []
+
+    def run(self, drives: Iterable[Drive]) -> SessionEnd:
+        """Show each drive until it has a finished attempt.
+
+        Raises:
+            SteerlabError: what happens can no longer be kept; the running attempt does not count.
+        """
+        for drive in drives:
+            self._screen.enter(drive.world)
+            if not self._until_finished(drive):
+                return SessionEnd.STOPPED
+        self._stage.ask(lambda: session_done_page(self._total), {Act.CONFIRM, Act.STOP})
+        return SessionEnd.DONE
+
+    def _until_finished(self, drive: Drive) -> bool:
+        while True:
+            if not self._countdown(drive):
+                return False
+            end, failed = self._attempt(drive)
+            if end is DriveEnd.STOPPED:
+                return False
+            if end is not DriveEnd.FINISHED:
+                if end is not DriveEnd.REDO and not self._pause(end):
+                    return False
+                continue
+            page = drive_done_page(drive.outcome, failed, self.done + 1, self._total)
+            act = self._stage.ask(lambda page=page: page, {Act.CONFIRM, Act.REDO, Act.STOP})
+            if act is not Act.REDO:
+                self.done += 1
+                return act is not Act.STOP
+
+    def _attempt(self, drive: Drive) -> tuple[DriveEnd, list[FailedGate]]:
+        record = self._recorder.begin(drive)
+        timings: list[StepTiming] = []
+        sink = _Collecting(record, timings)
+        self._watch.begin(self._device.read())
+        try:
+            with no_garbage_collection():
+                end = run_drive(
+                    drive,
+                    self._device,
+                    participant=self._participant,
+                    order=record.order,
+                    attempt=record.attempt,
+                    clock=self._clock,
+                    sink=sink,
+                    watch=self._watch,
+                    show=lambda fraction: self._show(drive, fraction),
+                    now_ns=self._now_ns,
+                )
+            if end is not DriveEnd.FINISHED:
+                record.event(len(timings), end.value)
+                record.abandon(end.value)
+                return end, []
+            health = LoopHealth.of(timings, self._clock.frame_ns, self._clock.dropped)
+            failed = failed_gates(health, self._config.gates)
+            record.finish(failed)
+        except SteerlabError as error:
+            self._screen.show_page(error_page(str(error)))
+            raise
+        self.health.append(health)
+        return end, failed
+
+    def _show(self, drive: Drive, fraction: float) -> None:
+        moment = drive.between(fraction)
+        sample = self._device.read()
+        agent = self._config.show_agent_wheel
+        self._screen.show_drive(
+            DriveView(
+                pose=moment.pose,
+                road_wheel_rad=self._car.road_wheel_rad(moment.wheel) if agent else 0.0,
+                elapsed_s=self._clock.elapsed_s,
+                number=self.done + 1,
+                count=self._total,
+                needle=sample.wheel if sample.ok else None,
+                agent_needle=moment.wheel if agent else None,
+                teacher_drives=moment.gate is Gate.TEACHER,
+                device=self._device.info.name,
+                device_ok=sample.ok,
+                instruction=self._config.instruction,
+            )
+        )
+
+    def _countdown(self, drive: Drive) -> bool:
+        """Over the still start; False to stop."""
+        drive.begin(participant=self._participant, attempt=0)
+        self._clock.start()
+        self._show(drive, 0.0)
+        return self._stage.countdown(self.done + 1, self._total, self._config.countdown_s)
+
+    def _pause(self, why: DriveEnd) -> bool:
+        def page() -> Page:
+            sample = self._device.read()
+            return pause_page(why, sample, self._device.info.name, focused=self._screen.focused)
+
+        return self._stage.ready(page)
+
+
+class _Collecting:
+    """Passes steps on, and keeps their timings for the gates."""
+
+    def __init__(self, record: AttemptRecord, timings: list[StepTiming]) -> None:
+        self._record = record
+        self._timings = timings
+
+    def step(self, step: LabelledStep, timing: StepTiming | None) -> None:
+        self._record.step(step, timing)
+        if timing is not None:
+            self._timings.append(timing)

@@ -1,0 +1,68 @@
+"""What several verbs share: options, the progress bar, and how results are said."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+if TYPE_CHECKING:
+    from steerlab.analysis.summary import Summary
+
+Out = Annotated[Path, tyro.conf.arg(metavar="DIR", help="Folder for the results.")]
+Force = Annotated[bool, tyro.conf.arg(help="Replace the folder if it is not empty.")]
+Seed = Annotated[int, tyro.conf.arg(help="The same seed gives the same labels and figures.")]
+Json = Annotated[bool, tyro.conf.arg(help="Print the summary as JSON.")]
+
+
+def command_line(verb: str, settings: Mapping[str, object], out: Path, *arguments: str) -> str:
+    """The command line that gives the same results, with every setting spelt out."""
+    options = [f"--{name.replace('_', '-')} {value}" for name, value in settings.items()]
+    return " ".join(
+        ["steerlab", verb, *map(quote, arguments), *options, f"--out {quote(out.name)}"]
+    )
+
+
+def say(summary: "Summary", out: Path, *, as_json: bool) -> int:
+    """Print a summary's headline and where the rest is, or all of it as JSON."""
+    if as_json:
+        print_json(summary.to_dict())
+        return 0
+    from steerlab.analysis.wording import headline
+
+    print(headline(summary))
+    say_where(out)
+    return 0
+
+
+def say_where(out: Path) -> None:
+    """Where report and numbers are."""
+    print(f"Report: {out / 'report' / 'index.html'}")
+    print(f"Numbers: {out / 'summary.json'}")
+
+
+@contextmanager
+def progress_bar() -> Iterator[Callable[[str, float], None]]:
+    """A progress bar on stderr for people; nothing where stderr is no terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+        tasks: dict[str, Any] = {}
+
+        def show(what: str, share: float) -> None:
+            if what not in tasks:
+                tasks[what] = bar.add_task(what, total=1.0)
+            bar.update(tasks[what], completed=share)
+
+        yield show
+
+
+def print_json(values: object) -> None:
+    """Print plain values as JSON."""
+    print(json.dumps(values, indent=2, ensure_ascii=False))
