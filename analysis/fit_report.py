@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from steerlab.analysis.page import render_page
 from steerlab.analysis.report import LabelsCaption, ladder_of
 from steerlab.analysis.summary import Summary
-from steerlab.analysis.wording import comparison, headline
+from steerlab.analysis.wording import comparison, headline, left_out_reasons
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 
@@ -93,5 +93,6 @@ def render_fit_report(report: FitReport) -> str:
         summary=summary,
         headline=headline(summary),
         comparison=comparison(summary),
+        left_out=left_out_reasons(summary.left_out),
         ladder=sorted(ladder.items(), key=lambda item: -item[1]["new"][0]),
     )

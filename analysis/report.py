@@ -11,7 +11,7 @@ from steerlab.analysis.figures.ladder import Interval
 from steerlab.analysis.figures.placement import FloatArray
 from steerlab.analysis.page import render_page
 from steerlab.analysis.summary import MAPPER, SPLITS, InvalidSummary, Summary
-from steerlab.analysis.wording import comparison, headline
+from steerlab.analysis.wording import comparison, headline, left_out_reasons
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,5 +136,6 @@ def render_report(report: SimulationReport) -> str:
         seen=summary.splits["seen"],
         headline=headline(summary),
         comparison=comparison(summary),
+        left_out=left_out_reasons(summary.left_out),
         ladder=sorted(ladder.items(), key=lambda item: -item[1]["new"][0]),
     )

@@ -8,6 +8,7 @@ from numbers import Integral, Real
 from typing import Any, Self
 
 from steerlab.analysis.json_reader import InvalidSummary, JsonReader
+from steerlab.learning.label_quality import LabelQuality
 
 SUMMARY_SCHEMA = 1
 DIGITS = 6  # floats in JSON: below this, two machines may differ for the same seed
@@ -42,6 +43,38 @@ class SplitSummary:
     people_improved: float
     labels_worsened: float
     per_sample_percent: float
+
+    @classmethod
+    def of(cls, ladder: Mapping[str, LabelQuality], unit: float = 1.0) -> Self:
+        """From the quality of each method on one split.
+
+        Args:
+            ladder: by method; one is MIND MELD.
+            unit: what one wheel unit is in the units to report errors in.
+
+        Raises:
+            InvalidSummary: so many people label without any error that the median person has no
+                improvement.
+        """
+        best = ladder[MAPPER]
+        if not isfinite(best.person_median) or not isfinite(best.ci95[0]):
+            raise InvalidSummary(
+                f"Too many of the {best.people} people gave labels without any error, which "
+                f"nothing can improve: the median person’s improvement, or its interval, is not "
+                f"defined. Leave such people out."
+            )
+        return cls(
+            people=best.people,
+            labels=best.labels,
+            mae_before=unit * best.mae_before,
+            mae_after=unit * best.mae_after,
+            improvement={method: one.improvement for method, one in ladder.items()},
+            ci95=best.ci95,
+            person_median=best.person_median,
+            people_improved=best.people_improved,
+            labels_worsened=best.labels_worsened,
+            per_sample_percent=best.per_sample_percent,
+        )
 
     def __post_init__(self) -> None:
         for name, value in (("people", self.people), ("labels", self.labels)):
@@ -84,8 +117,12 @@ class StyleSummary:
 class Summary:
     """One simulated study in numbers; ``seconds`` and ``versions`` differ between equal runs.
 
+    Attributes:
+        left_out: methods that were not judged, and why, as a clause.
+
     Raises:
-        InvalidSummary: a split or style is missing, or the splits have different methods.
+        InvalidSummary: a split or style is missing, the splits have different methods, or a method
+            is both judged and left out.
     """
 
     seed: int
@@ -94,6 +131,7 @@ class Summary:
     seconds: Mapping[str, float]
     splits: Mapping[str, SplitSummary]
     style: Mapping[str, StyleSummary]
+    left_out: Mapping[str, str]
     verb: str = "simulate"
 
     def __post_init__(self) -> None:
@@ -110,6 +148,8 @@ class Summary:
             raise InvalidSummary(
                 f"Methods differ between splits: {sorted(methods[0] ^ methods[1])} is in one only."
             )
+        if both := sorted(methods[0] & set(self.left_out)):
+            raise InvalidSummary(f"{both[0]!r} is judged and left out; it can be one only.")
 
     def reproducible(self) -> dict[str, Any]:
         """What the same seed must give again: everything but ``versions`` and ``seconds``."""
@@ -127,6 +167,7 @@ class Summary:
                 "versions": dict(sorted(self.versions.items())),
                 "seconds": dict(sorted(self.seconds.items())),
                 "splits": {name: asdict(self.splits[name]) for name in SPLITS},
+                "left_out": dict(sorted(self.left_out.items())),
                 "style": {name: asdict(self.style[name]) for name in STYLES},
             }
         )
@@ -158,6 +199,7 @@ class Summary:
             versions={name: value.text() for name, value in top["versions"].items().items()},
             seconds={name: value.number() for name, value in top["seconds"].items().items()},
             splits={name: _split(value) for name, value in top["splits"].items().items()},
+            left_out={name: value.text() for name, value in top["left_out"].items().items()},
             style={name: _style(value) for name, value in top["style"].items().items()},
         )
 

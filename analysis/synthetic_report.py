@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from steerlab.analysis.json_reader import InvalidSummary
 from steerlab.analysis.page import render_page
 from steerlab.analysis.summary import DIGITS, MAPPER, SUMMARY_SCHEMA, SplitSummary, StyleSummary
-from steerlab.analysis.wording import percent, percent_range, teachers
+from steerlab.analysis.wording import left_out_reasons, percent, percent_range, teachers
 
 SYNTHETIC_SPLITS = ("calibration", "unseen", "new")
 PAPER_PERCENT: Mapping[str, int] = {"calibration": 61, "unseen": 55}
@@ -37,6 +37,7 @@ class SyntheticSummary:
     seconds: Mapping[str, float]
     splits: Mapping[str, SplitSummary]
     style: Mapping[str, StyleSummary]
+    left_out: Mapping[str, str]
 
     def __post_init__(self) -> None:
         if set(self.splits) != set(SYNTHETIC_SPLITS):
@@ -55,6 +56,7 @@ class SyntheticSummary:
                 "seconds": dict(sorted(self.seconds.items())),
                 "paper_percent": dict(PAPER_PERCENT),
                 "splits": {name: asdict(self.splits[name]) for name in SYNTHETIC_SPLITS},
+                "left_out": dict(sorted(self.left_out.items())),
                 "style": {name: asdict(style) for name, style in sorted(self.style.items())},
             }
         )
@@ -129,6 +131,7 @@ def render_synthetic_report(report: SyntheticReport) -> str:
         summary=summary,
         splits=SYNTHETIC_SPLITS,
         methods=methods,
+        left_out=left_out_reasons(summary.left_out),
         paper=PAPER_PERCENT,
         headline=headline(summary),
         degrees_per_unit=f"{degrees(1.0 / report.wheel_per_rad):.4g}",

@@ -1,5 +1,7 @@
 """Numbers and findings in words: what a page or a terminal says about a summary."""
 
+from collections.abc import Mapping
+
 from steerlab.analysis.figures.ladder import method_name
 from steerlab.analysis.summary import MAPPER, Summary
 
@@ -7,6 +9,8 @@ _MINUS = "\u2212"
 _NARROW_SPACE = "\u202f"  # between a number and its unit; does not break
 _NO_BREAK = "\u00a0"
 _CEILINGS = ("true_style",)  # told the true style: not a method one could use
+_PRETRAINED = ("sim_pretrained", "sim_pretrained_context")  # not simpler: it knows simulated people
+_SAME = ("mind_meld_paper",)  # other settings, not another method
 _TIE = 0.01
 _CI = f"95{_NARROW_SPACE}% CI"
 
@@ -60,17 +64,38 @@ def headline(summary: Summary) -> str:
 def comparison(summary: Summary) -> str:
     """How the best of the other methods did on new people; empty if there is none."""
     improvement = summary.splits["new"].improvement
-    others = [m for m in improvement if m not in (MAPPER, "identity", *_CEILINGS)]
-    if not others:
-        return ""
-    best = max(others, key=lambda method: improvement[method])
-    ahead = improvement[MAPPER] - improvement[best]
-    what = f"the best simpler method ({method_name(best)}) removed {percent(improvement[best])}"
-    if ahead > _TIE:
-        return f"On the same labels {what}."
-    if ahead < -_TIE:
-        return f"That is not the best result here: {what}."
-    return f"A simpler method does about as well: {what}."
+    apart = (MAPPER, "identity", *_CEILINGS, *_PRETRAINED, *_SAME)
+    sentences: list[str] = []
+    if simpler := [method for method in improvement if method not in apart]:
+        best = max(simpler, key=lambda method: improvement[method])
+        ahead = improvement[MAPPER] - improvement[best]
+        what = f"the best simpler method ({method_name(best)}) removed {percent(improvement[best])}"
+        if ahead > _TIE:
+            sentences.append(f"On the same labels {what}.")
+        elif ahead < -_TIE:
+            sentences.append(f"That is not the best result here: {what}.")
+        else:
+            sentences.append(f"A simpler method does about as well: {what}.")
+    labels_only, with_motion = (improvement.get(method) for method in _PRETRAINED)
+    if labels_only is not None:
+        also = (
+            ""
+            if with_motion is None
+            else f", and {percent(with_motion)} reading the car’s motion too"
+        )
+        sentences.append(
+            f"A mapper pre-trained on simulated people, which goes beyond the paper, removed "
+            f"{percent(labels_only)}{also}."
+        )
+    return " ".join(sentences)
+
+
+def left_out_reasons(left_out: Mapping[str, str]) -> list[tuple[str, list[str]]]:
+    """Reasons for which methods were not judged, each with the methods' keys."""
+    reasons: dict[str, list[str]] = {}
+    for method, why in left_out.items():
+        reasons.setdefault(why, []).append(method)
+    return list(reasons.items())
 
 
 def _signed(value: float, kind: str) -> str:

@@ -19,6 +19,7 @@ from benchmarks import (
     recording,
     simulation,
     store,
+    style,
     teleop,
 )
 from benchmarks.rows import Row
@@ -30,6 +31,7 @@ BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "pretrained": pretrained.run,
     "store": store.run,
     "recording": recording.run,
+    "style": style.run,
     "teleop": teleop.run,
     "commands": commands.run,
 }

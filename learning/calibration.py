@@ -1,6 +1,6 @@
 """A new person's embedding with the network frozen: Levenberg-Marquardt over many at once."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +9,14 @@ import torch
 from torch import Tensor
 
 from steerlab.learning.errors import InvalidLabels
+from steerlab.learning.kernels.halves import encode_windows
+from steerlab.learning.kernels.normal_equations import NormalEquations, Sums
 from steerlab.learning.mind_meld import MindMeld
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.windows import Windows
 
-_CHUNK = 1024  # windows encoded at once; their activations stay in the cache
-_ROWS = 4096  # windows of the people who are fitted together
-_COARSE = 4  # the first steps need only every fourth window
+_COARSE = 4  # the first steps need only every fourth window,
+_LEAST_COARSE = 400  # of people who have as many
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,39 +47,6 @@ class CalibratedPeople:
     g_sigma: Tensor
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
-    """A few people's windows, padded to equally many; what does not depend on w is done once.
-
-    Attributes:
-        encoding: (people, rows, k).
-        for_f, for_g: what z adds to the first layers of f and g.
-        difference: (people, rows).
-        counts: (people, rows), 1 for a window and 0 for padding.
-    """
-
-    encoding: Tensor
-    for_f: Tensor
-    for_g: Tensor
-    difference: Tensor
-    counts: Tensor
-
-    def every(self, stride: int) -> "_Rows":
-        """Every ``stride``-th window; all of them for people with few."""
-        if stride == 1 or self.counts.shape[1] < 100 * stride:
-            return self
-        return _Rows(*(getattr(self, name)[:, ::stride].contiguous() for name in self.__slots__))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _NormalEquations:
-    """Sums over each person's windows: loss (people,), gradient (people, d), matrix (.., d, d)."""
-
-    loss: Tensor
-    gradient: Tensor
-    matrix: Tensor
-
-
 def calibrate(
     network: MindMeld,
     windows: Windows,
@@ -103,23 +71,24 @@ def calibrate(
         InvalidLabels: someone has no valid window.
     """
     config = config or CalibrationConfig()
-    found: list[CalibratedPeople] = []
     with torch.no_grad():
-        for rows in _groups(network, windows):
-            embeddings = _fit(network, rows, start, embedding_loss_weight, config)
-            information, g_sigma = _certainty(network, rows, embeddings)
-            found.append(CalibratedPeople(embeddings, information, g_sigma))
-    return CalibratedPeople(
-        torch.cat([one.embeddings for one in found]),
-        torch.cat([one.information for one in found]),
-        torch.cat([one.g_sigma for one in found]),
-    )
+        rows = _rows(network, windows)
+        every = torch.ones_like(rows.counts)
+        coarse = torch.where(rows.counts < _LEAST_COARSE, 1, _COARSE)
+        embeddings = start.repeat(len(rows.counts), 1)
+        for strides, iterations in (
+            (coarse, config.coarse_iterations),
+            (every, config.iterations),
+        ):
+            embeddings = _descend(
+                rows, embeddings, embedding_loss_weight, strides, iterations, config
+            )
+        return _with_certainty(rows, embeddings)
 
 
 def encode(network: MindMeld, inputs: Tensor) -> Tensor:
-    """Encode many windows, a chunk at a time: (rows, window, channels) -> (rows, k)."""
-    with torch.no_grad():
-        return torch.cat([network.encoder(chunk) for chunk in inputs.split(_CHUNK)])
+    """Encode many windows: (rows, window, channels) -> (rows, k)."""
+    return encode_windows(network, inputs)
 
 
 def spread_rows(series: Sequence[LabelSeries], most: int) -> npt.NDArray[np.int64]:
@@ -136,125 +105,67 @@ def spread_rows(series: Sequence[LabelSeries], most: int) -> npt.NDArray[np.int6
     return np.sort(np.concatenate(chosen))
 
 
-def _groups(network: MindMeld, windows: Windows) -> Iterator[_Rows]:
-    """A few people at a time, so that their activations stay in the cache."""
+def _rows(network: MindMeld, windows: Windows) -> NormalEquations:
     valid = torch.nonzero(windows.valid).squeeze(1)
     person = windows.person[valid]
     counts = torch.bincount(person, minlength=len(windows.people))
     for name, count in zip(windows.people, counts.tolist(), strict=True):
         if count == 0:
             raise InvalidLabels(f"{name!r} has no valid label to calibrate on; label a rollout.")
-    own = valid[torch.argsort(person, stable=True)].split(counts.tolist())
-    together = max(1, _ROWS // int(counts.max()))
-    for start in range(0, len(own), together):
-        few = own[start : start + together]
-        rows = torch.nn.utils.rnn.pad_sequence(list(few), batch_first=True, padding_value=-1)
-        present = rows >= 0
-        encoding = encode(network, windows.inputs[rows[present]])
-        padded = torch.zeros(*rows.shape, encoding.shape[1])
-        padded[present] = encoding
-        yield _Rows(
-            encoding=padded,
-            for_f=network.difference.of_encoding(padded),
-            for_g=network.inference.of_encoding(padded),
-            # A masked step's difference is NaN, and padding points at some step: not 0 * NaN.
-            difference=torch.where(present, windows.difference[rows], 0.0),
-            counts=present.float(),
-        )
-
-
-def _fit(
-    network: MindMeld, rows: _Rows, start: Tensor, weight: float, config: CalibrationConfig
-) -> Tensor:
-    people = len(rows.counts)
-    embeddings = start.repeat(people, 1)
-    coarse = rows.every(_COARSE)
-    embeddings = _descend(network, coarse, embeddings, weight, config.coarse_iterations, config)
-    return _descend(network, rows, embeddings, weight, config.iterations, config)
+    own = valid[torch.argsort(person, stable=True)]
+    encoding = encode(network, windows.inputs[own])
+    return NormalEquations(network, encoding, windows.difference[own], counts)
 
 
 def _descend(
-    network: MindMeld,
-    rows: _Rows,
+    rows: NormalEquations,
     embeddings: Tensor,
     weight: float,
+    strides: Tensor,
     iterations: int,
     config: CalibrationConfig,
 ) -> Tensor:
+    """Levenberg-Marquardt for everyone at once, each with their own damping."""
     damping = torch.full((len(embeddings),), config.damping, dtype=torch.float64)
-    current = _normal_equations(network, rows, embeddings, weight)
+    current, _ = rows.sums(embeddings, weight, strides)
     for _ in range(iterations):
         step = _damped_step(current, damping)
         promised = (step * current.gradient).sum(1)
         if bool((promised <= config.tolerance * current.loss).all()):
             break
         candidate = embeddings - step.to(embeddings.dtype)
-        tried = _normal_equations(network, rows, candidate, weight)
+        tried, _ = rows.sums(candidate, weight, strides)
         better = tried.loss < current.loss
         embeddings = torch.where(better[:, None], candidate, embeddings)
-        current = _NormalEquations(
-            torch.where(better, tried.loss, current.loss),
-            torch.where(better[:, None], tried.gradient, current.gradient),
-            torch.where(better[:, None, None], tried.matrix, current.matrix),
+        current = Sums(
+            *(
+                torch.where(better.view(-1, *[1] * (new.dim() - 1)), new, old)
+                for new, old in zip(tried, current, strict=True)
+            )
         )
         damping *= torch.where(better, config.accepted_factor, config.rejected_factor)
     return embeddings
 
 
-def _damped_step(equations: _NormalEquations, damping: Tensor) -> Tensor:
+def _damped_step(equations: Sums, damping: Tensor) -> Tensor:
     diagonal = equations.matrix.diagonal(dim1=1, dim2=2)
     floor = 1e-9 * diagonal.amax(dim=1, keepdim=True) + 1e-12  # a direction nothing depends on
     damped = equations.matrix + torch.diag_embed(damping[:, None] * diagonal + floor)
     return torch.linalg.solve(damped, equations.gradient)
 
 
-def _normal_equations(
-    network: MindMeld, rows: _Rows, embeddings: Tensor, weight: float
-) -> _NormalEquations:
-    """J'J and J'r of both terms of Eq. 2 by products over rows; J itself is never stacked.
-
-    With b the derivative of f by w, g's mean m and its derivative s by the difference, a row's
-    second residual is ``m - w`` and its derivative ``s b' - I``.
-    """
-    people, size = embeddings.shape
-    predicted, b = network.difference.with_jacobian(rows.for_f, embeddings)
-    b = b * rows.counts[..., None]
-    residual = (predicted - rows.difference) * rows.counts  # (people, rows)
-    loss = residual.square().sum(1)
-    pull, curvature = residual, torch.ones_like(residual)  # of each row along its b
-    gradient, matrix = torch.zeros_like(embeddings), torch.zeros(people, size, size)
-    if weight > 0.0:
-        scale = weight / size
-        mean, s = network.inference.mean_with_derivative(rows.for_g, predicted)
-        away = (mean - embeddings[:, None]) * rows.counts[..., None]
-        loss = loss + scale * away.square().sum((1, 2))
-        pull = pull + scale * (s * away).sum(2)
-        curvature = curvature + scale * s.square().sum(2)
-        cross = s.transpose(1, 2) @ b  # (people, d, d)
-        identity = torch.eye(size) * rows.counts.sum(1)[:, None, None]
-        gradient = -scale * away.sum(1)
-        matrix = scale * (identity - cross - cross.transpose(1, 2))
-    gradient = gradient + (b * pull[..., None]).sum(1)
-    matrix = matrix + b.transpose(1, 2) @ (b * curvature[..., None])
-    return _NormalEquations(loss.double(), gradient.double(), matrix.double())
-
-
-def _certainty(network: MindMeld, rows: _Rows, embeddings: Tensor) -> tuple[Tensor, Tensor]:
-    """Information on w (people, d, d) and g's sigma (people, d); see ``CalibratedPeople``."""
-    size = embeddings.shape[1]
-    predicted, b = network.difference.with_jacobian(rows.for_f, embeddings)
-    b = b * rows.counts[..., None]
-    residual = (predicted - rows.difference) * rows.counts
-    counts = rows.counts.sum(1)
-    square = residual.square().sum(1)
-    variance = square / (counts - size).clamp(min=1.0)
+def _with_certainty(rows: NormalEquations, embeddings: Tensor) -> CalibratedPeople:
+    """What ``CalibratedPeople`` says of the embeddings."""
+    sums, residual = rows.sums(embeddings, 0.0, torch.ones_like(rows.counts))
+    counts = rows.counts.double()
+    variance = sums.loss / (counts - embeddings.shape[1]).clamp(min=1.0)
     # Neighbouring windows share labels and noise. n of them whose residuals correlate by rho tell
     # as much as n (1 - rho) / (1 + rho) independent ones would (an AR(1) process).
-    rho = (residual[:, 1:] * residual[:, :-1]).sum(1) / square.clamp(min=1e-12)
-    rho = rho.clamp(0.0, 0.99)
+    products = [(own[1:] * own[:-1]).sum() for own in residual.split(rows.counts.tolist())]
+    rho = (torch.stack(products) / sums.loss.clamp(min=1e-12)).clamp(0.0, 0.99)
     independent = (1.0 - rho) / (1.0 + rho) / variance.clamp(min=1e-9)
-    information = independent[:, None, None] * (b.transpose(1, 2) @ b)
-    flat = rows.encoding.flatten(0, 1)
-    _, log_sigma = network.inference(flat, predicted.flatten())
-    g_variance = (2.0 * log_sigma).exp().unflatten(0, predicted.shape) * rows.counts[..., None]
-    return information.double(), (g_variance.sum(1) / counts[:, None]).sqrt()
+    return CalibratedPeople(
+        embeddings=embeddings,
+        information=independent[:, None, None] * sums.matrix,
+        g_sigma=(sums.sigma_square / counts[:, None]).sqrt().float(),
+    )

@@ -13,6 +13,7 @@ import numpy as np
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.label_table import LabelTable
+from steerlab.learning.ladder.people import by_person
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.splits import StudySplit
 from steerlab.sim.errors import InvalidConfig
@@ -24,14 +25,12 @@ class FoldPlan:
 
     Attributes:
         folds: one or more; no (person, rollout) pair is held out in two.
-        fit: what the final model is fitted on.
-        calibrate: on which it then learns new people; empty where everyone is fitted.
+        fit: what the final model is fitted on; None where that of the only fold is the final one.
         notices: who could not be scored, in sentences for the report.
     """
 
     folds: tuple[StudySplit, ...]
-    fit: tuple[LabelSeries, ...]
-    calibrate: tuple[LabelSeries, ...]
+    fit: tuple[LabelSeries, ...] | None
     notices: tuple[str, ...]
 
 
@@ -49,7 +48,7 @@ def plan_folds(table: LabelTable, count: int, seed: int) -> FoldPlan:
     usable = [bool(one.valid.any()) for one in series]
     notices: list[str] = []
     if absent := sorted({s.person for s in series} - _people(series, usable)):
-        notices.append(f"{_names(absent)}: no row has both label and truth; left out.")
+        notices.append(f"{some_names(absent)}: no row has both label and truth; left out.")
     kept = [(one, split) for one, split, use in zip(series, splits, usable, strict=True) if use]
     if table.has_split:
         return _by_column(kept, notices)
@@ -80,12 +79,12 @@ def _by_column(kept: list[tuple[LabelSeries, str | None]], notices: list[str]) -
         ),
     ):
         if both:
-            raise InvalidLabels(f"split: {_names(sorted(both))} is {why}.")
+            raise InvalidLabels(f"split: {some_names(sorted(both))} is {why}.")
     trained = {one.rollout for one in parts["train"]}
     held_out = {one.rollout for one in [*parts["heldout"], *parts["new_test"]]}
     if shared := sorted(trained & held_out):
         notices.append(
-            f"{_names(shared)}: held out for some people, trained on by others, so its truth is "
+            f"{some_names(shared)}: held out for some people, trained on by others, so its truth is "
             f"not new to the network; improvements may be flattered."
         )
     only = StudySplit(
@@ -94,13 +93,8 @@ def _by_column(kept: list[tuple[LabelSeries, str | None]], notices: list[str]) -
         calibrate_new=tuple(parts["new_calibration"]),
         held_out_new=tuple(parts["new_test"]),
     )
-    _check_scored([only])
-    return FoldPlan(
-        folds=(only,),
-        fit=only.train_seen,
-        calibrate=only.calibrate_new,
-        notices=tuple(notices),
-    )
+    _check([only])
+    return FoldPlan(folds=(only,), fit=None, notices=tuple(notices))
 
 
 def _by_dealing(series: list[LabelSeries], count: int, seed: int, notices: list[str]) -> FoldPlan:
@@ -125,7 +119,7 @@ def _by_dealing(series: list[LabelSeries], count: int, seed: int, notices: list[
             raise InvalidLabels(
                 f"Fold {number + 1} of {count} leaves nothing to train on; give other --folds."
             )
-    _check_scored(folds)
+    _check(folds)
     scored = {
         (one.person, one.rollout)
         for fold in folds
@@ -133,11 +127,11 @@ def _by_dealing(series: list[LabelSeries], count: int, seed: int, notices: list[
     }
     if left := [one for one in series if (one.person, one.rollout) not in scored]:
         notices.append(
-            f"{_names(sorted({one.person for one in left}))}: {len(left)} of "
+            f"{some_names(sorted({one.person for one in left}))}: {len(left)} of "
             f"{len(series)} rollouts train but are not scored, since nothing else of theirs could "
             f"be learned from when they were held out."
         )
-    return FoldPlan(folds=folds, fit=tuple(series), calibrate=(), notices=tuple(notices))
+    return FoldPlan(folds=folds, fit=tuple(series), notices=tuple(notices))
 
 
 def _fold(
@@ -162,22 +156,46 @@ def _fold(
     )
 
 
-def _check_scored(folds: Sequence[StudySplit]) -> None:
+def _check(folds: Sequence[StudySplit]) -> None:
+    """Say before anything long starts what no fold could get over."""
+    for number, fold in enumerate(folds, start=1):
+        for person, own in by_person((*fold.train_seen, *fold.calibrate_new)).items():
+            if not any(one.label[one.valid].any() for one in own):
+                where = f" on what fold {number} learns from" if len(folds) > 1 else ""
+                raise InvalidLabels(
+                    f"{person!r} has no valid label other than 0{where}, so nothing tells how they "
+                    f"label; leave them out."
+                )
     for what, scored in (
-        ("seen", {one.person for fold in folds for one in fold.held_out_seen}),
-        ("new", {one.person for fold in folds for one in fold.held_out_new}),
+        ("seen", [one for fold in folds for one in fold.held_out_seen]),
+        ("new", [one for fold in folds for one in fold.held_out_new]),
     ):
-        if len(scored) < 2:
+        people = by_person(scored)
+        if len(people) < 2:
             raise InvalidLabels(
-                f"{len(scored)} {what} people can be scored, which gives no interval; it takes two "
+                f"{len(people)} {what} people can be scored, which gives no interval; it takes two "
                 f"with two or more rollouts each."
             )
+        faultless = [person for person, own in people.items() if not any(map(_has_error, own))]
+        if len(faultless) == len(people):
+            raise InvalidLabels("The labels equal the truth; no improvement is defined.")
+        if 2 * len(faultless) >= len(people):
+            raise InvalidLabels(
+                f"{len(faultless)} of {len(people)} {what} people gave labels without any error, "
+                f"which nothing can improve, so the median person has no improvement; leave out "
+                f"people who need no correction, such as {some_names(faultless)}."
+            )
+
+
+def _has_error(series: LabelSeries) -> bool:
+    return bool((series.label != series.truth)[series.valid].any())
 
 
 def _people(series: Sequence[LabelSeries], usable: Sequence[bool]) -> set[str]:
     return {one.person for one, use in zip(series, usable, strict=True) if use}
 
 
-def _names(names: Sequence[str]) -> str:
+def some_names(names: Sequence[str]) -> str:
+    """Up to three names, quoted, and how many more there are."""
     shown = ", ".join(repr(name) for name in names[:3])
     return f"{shown} and {len(names) - 3} more" if len(names) > 3 else shown

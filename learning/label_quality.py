@@ -64,25 +64,67 @@ def label_quality(
         if not np.isfinite(values).all():
             raise InvalidLabels(f"{name} has a value that is not finite; leave out masked steps.")
     before, after = np.abs(raw - truth), np.abs(mapped - truth)
-    if not before.any():
-        raise InvalidLabels("The raw labels equal the truth; no improvement is defined.")
-    names, index = np.unique(person, return_inverse=True)
-    sum_before: FloatArray = np.bincount(index, weights=before).astype(np.float64)
-    sum_after: FloatArray = np.bincount(index, weights=after).astype(np.float64)
-    nonzero = before > 0.0
-    per_sample = (before[nonzero] - after[nonzero]) / before[nonzero]
-    return LabelQuality(
-        people=len(names),
+    _, index = np.unique(person, return_inverse=True)
+    ratios, labels_with_error = _ratios(before, after)
+    return _quality(
+        np.bincount(index, weights=before).astype(np.float64),
+        np.bincount(index, weights=after).astype(np.float64),
         labels=len(raw),
-        mae_before=float(before.mean()),
-        mae_after=float(after.mean()),
-        improvement=float(1.0 - after.sum() / before.sum()),
-        ci95=_bootstrap_ci95(sum_before, sum_after, rng),
-        person_median=float(np.median(_improvement(sum_before, sum_after))),
-        people_improved=float((sum_after < sum_before).mean()),
-        labels_worsened=float((after > before).mean()),
-        per_sample_percent=float(100.0 * per_sample.mean()),
+        total_before=float(before.sum()),
+        total_after=float(after.sum()),
+        worsened=int((after > before).sum()),
+        ratio=ratios / max(labels_with_error, 1),
+        rng=rng,
     )
+
+
+class LabelSums:
+    """What ``label_quality`` needs of labels, added up a series at a time.
+
+    Labels themselves are not kept, so a table of any length takes a few numbers a person.
+    """
+
+    def __init__(self) -> None:
+        self._people: dict[str, tuple[float, float]] = {}
+        self._labels = self._worsened = self._with_error = 0
+        self._ratios = 0.0
+
+    def add(self, person: str, raw: FloatArray, mapped: FloatArray, truth: FloatArray) -> None:
+        """Add labels of one person; all arrays (labels,), valid steps only.
+
+        Raises:
+            InvalidLabels: a mapped label is not finite.
+        """
+        if not np.isfinite(mapped).all():
+            raise InvalidLabels(f"A mapped label of {person!r} is not finite.")
+        before, after = np.abs(raw - truth), np.abs(mapped - truth)
+        ratios, with_error = _ratios(before, after)
+        was_before, was_after = self._people.get(person, (0.0, 0.0))
+        self._people[person] = was_before + float(before.sum()), was_after + float(after.sum())
+        self._labels += len(before)
+        self._worsened += int((after > before).sum())
+        self._with_error += with_error
+        self._ratios += ratios
+
+    def quality(self, rng: np.random.Generator) -> LabelQuality:
+        """Of everything added.
+
+        Raises:
+            InvalidLabels: nothing was, or the raw labels have no error at all.
+        """
+        if not self._labels:
+            raise InvalidLabels("No label was added; there is nothing to judge.")
+        sums = np.array(list(self._people.values()))
+        return _quality(
+            sums[:, 0],
+            sums[:, 1],
+            labels=self._labels,
+            total_before=float(sums[:, 0].sum()),
+            total_after=float(sums[:, 1].sum()),
+            worsened=self._worsened,
+            ratio=self._ratios / max(self._with_error, 1),
+            rng=rng,
+        )
 
 
 def mapper_quality(
@@ -107,6 +149,40 @@ def mapper_quality(
     ]
     person, raw, mapped, truth = (np.concatenate(column) for column in zip(*columns, strict=True))
     return label_quality(person, raw, mapped, truth, rng)
+
+
+def _ratios(before: FloatArray, after: FloatArray) -> tuple[float, int]:
+    """Sum of ``(|e| - |e'|) / |e|`` over labels with an error, and how many those are."""
+    wrong = before > 0.0
+    return float(((before[wrong] - after[wrong]) / before[wrong]).sum()), int(wrong.sum())
+
+
+def _quality(
+    before: FloatArray,
+    after: FloatArray,
+    *,
+    labels: int,
+    total_before: float,
+    total_after: float,
+    worsened: int,
+    ratio: float,
+    rng: np.random.Generator,
+) -> LabelQuality:
+    """From sums: before and after are (people,)."""
+    if total_before == 0.0:
+        raise InvalidLabels("The raw labels equal the truth; no improvement is defined.")
+    return LabelQuality(
+        people=len(before),
+        labels=labels,
+        mae_before=total_before / labels,
+        mae_after=total_after / labels,
+        improvement=1.0 - total_after / total_before,
+        ci95=_bootstrap_ci95(before, after, rng),
+        person_median=float(np.median(_improvement(before, after))),
+        people_improved=float((after < before).mean()),
+        labels_worsened=worsened / labels,
+        per_sample_percent=100.0 * ratio,
+    )
 
 
 def _improvement(before: FloatArray, after: FloatArray) -> FloatArray:

@@ -118,6 +118,8 @@ def label_table(columns: LabelColumns, scale: LabelScale) -> LabelTable:
     if missing and context:
         notices += [f"Column {name} was left out: steps are missing." for name in context]
         context = {}
+    if "robot_wheel" in context:  # a wheel position, in the units of the labels
+        context = context | {"robot_wheel": context["robot_wheel"] * scale.wheel_per_unit}
     wide = np.column_stack([spread(v) for v in context.values()]) if context else None
     rates = _rates(columns, order, starts, ends, names, scale)
     splits = _splits(columns, order, starts, ends, names)

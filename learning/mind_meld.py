@@ -1,4 +1,8 @@
-"""The three networks of MIND MELD (paper, section Architecture)."""
+"""The three networks of MIND MELD (paper, section Architecture).
+
+These hold the parameters and define what is computed; ``kernels`` computes the same, faster, for
+training, calibration and mapping.
+"""
 
 from dataclasses import dataclass
 from math import sqrt
@@ -74,27 +78,6 @@ class DifferenceNetwork(nn.Module):
         hidden = torch.relu(self.hidden(torch.cat([encoding, embedding], dim=1)))
         return self.out(hidden).squeeze(1)
 
-    def of_encoding(self, encoding: Tensor) -> Tensor:
-        """What z alone adds to the hidden layer, (..., k) -> (..., hidden): done once for any w."""
-        weight = self.hidden.weight[:, : encoding.shape[-1]]
-        return nn.functional.linear(encoding, weight, self.hidden.bias)
-
-    def with_jacobian(self, partial: Tensor, embedding: Tensor) -> tuple[Tensor, Tensor]:
-        """Difference and its derivative by w, people with their own rows.
-
-        Args:
-            partial: (people, rows, hidden), as ``of_encoding`` gives.
-            embedding: (people, d).
-
-        Returns:
-            difference (people, rows), jacobian (people, rows, d).
-        """
-        by_embedding = self.hidden.weight[:, -embedding.shape[-1] :]
-        hidden = torch.add(partial, (embedding @ by_embedding.T)[:, None]).relu_()
-        difference = self.out(hidden).squeeze(-1)
-        active = hidden.sign_()  # 1 where a unit is on
-        return difference, active @ (self.out.weight[0][:, None] * by_embedding)
-
 
 class InferenceNetwork(nn.Module):
     """g: z, d -> the approximate posterior N(mu, sigma²) over w; two hidden layers."""
@@ -114,35 +97,6 @@ class InferenceNetwork(nn.Module):
         """encoding: (batch, k), difference: (batch,) -> mu, log sigma: (batch, d) each."""
         mean, log_sigma = self.layers(torch.cat([encoding, difference[:, None]], dim=1)).chunk(2, 1)
         return mean, log_sigma.clamp(*LOG_SIGMA_RANGE)
-
-    def of_encoding(self, encoding: Tensor) -> Tensor:
-        """What z alone adds to the first layer, (..., k) -> (..., first): done once for any d."""
-        first = self.layers[0]
-        assert isinstance(first, nn.Linear)
-        return nn.functional.linear(encoding, first.weight[:, :-1], first.bias)
-
-    def mean_with_derivative(self, partial: Tensor, difference: Tensor) -> tuple[Tensor, Tensor]:
-        """The mean and its derivative by the difference.
-
-        Args:
-            partial: (..., first), as ``of_encoding`` gives.
-            difference: (...).
-
-        Returns:
-            mean and slope, (..., d) each.
-        """
-        first, _, second, _, last = self.layers
-        assert isinstance(first, nn.Linear)
-        assert isinstance(second, nn.Linear)
-        assert isinstance(last, nn.Linear)
-        by_difference = first.weight[:, -1]
-        value = torch.relu(partial + difference[..., None] * by_difference)
-        slope = (value > 0.0) * by_difference
-        value = torch.relu(second(value))
-        slope = (value > 0.0) * (slope @ second.weight.T)
-        size = last.out_features // 2  # the first half is the mean
-        mean = nn.functional.linear(value, last.weight[:size], last.bias[:size])
-        return mean, slope @ last.weight[:size].T
 
 
 class MindMeld(nn.Module):

@@ -6,11 +6,11 @@ from dataclasses import replace
 from math import nan
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from steerlab.learning.certainty import Calibrated
 from steerlab.learning.errors import InvalidLabels
+from steerlab.learning.kernels.one_window import OneWindow
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.mind_meld import MindMeld
 from steerlab.learning.presets import LAB, MapperConfig
@@ -96,7 +96,7 @@ class LabelStream:
     ) -> None:
         if not (np.isfinite(rate_hz) and rate_hz > 0.0):
             raise InvalidLabels(f"rate_hz is {rate_hz}; it must be positive.")
-        self._network, self._embedding = network, embedding[None]
+        self._network = OneWindow(network, embedding)
         below, fraction = window_offsets(rate_hz, window)
         shown = slice(0, window.side + window.ahead + 1)  # the rest stays absent
         self._below, self._fraction = below[shown], fraction[shown]
@@ -106,13 +106,8 @@ class LabelStream:
         self._lower, self._upper = self._below + self._past, above + self._past
         size = self._past + 1 + self.delay_steps
         self._labels = deque([nan] * size, maxlen=size)
-        self._inputs = torch.zeros(1, window.side + window.ahead + 1, 2)
-        self._centre = window.side
-        self._after_nothing: tuple[Tensor, Tensor] | None = None
-        absent = window.side - window.ahead
-        if absent:  # where the backward LSTM stands after what is always absent: once for all
-            with torch.inference_mode():
-                _, self._after_nothing = network.encoder.backward_lstm(torch.zeros(1, absent, 2))
+        self._inputs = np.zeros((window.length, 2), np.float32)
+        self._shown = self._inputs[shown]
         self._pushed = 0
 
     def push(self, label: float | None) -> float | None:
@@ -154,16 +149,9 @@ class LabelStream:
         lower, upper = labels[self._lower], labels[self._upper]
         sample = lower + self._fraction * (upper - lower)
         present = np.isfinite(sample)
-        inputs = self._inputs.numpy()[0]
-        inputs[:, 0] = np.where(present, sample, 0.0)
-        inputs[:, 1] = present
-        with torch.inference_mode():
-            encoder, centre = self._network.encoder, self._centre
-            _, (past, _) = encoder.forward_lstm(self._inputs[:, : centre + 1])
-            backward = self._inputs[:, centre:].flip(1)
-            _, (future, _) = encoder.backward_lstm(backward, self._after_nothing)
-            encoding = encoder.to_encoding(torch.cat([past[0], future[0]], dim=1))
-            difference = float(self._network.difference(encoding, self._embedding))
+        self._shown[:, 0] = np.where(present, sample, 0.0)
+        self._shown[:, 1] = present
+        difference = self._network.difference(self._inputs)
         # As the batch does: label and difference as float32, the subtraction as float64.
         label = float(np.float32(labels[self._past]))
         return float(np.clip(label - difference, -WHEEL_LIMIT, WHEEL_LIMIT))

@@ -10,6 +10,9 @@ from torch import Tensor
 from torch.nn.functional import huber_loss
 
 from steerlab.learning.errors import InvalidLabels
+from steerlab.learning.kernels.heads import Loss
+from steerlab.learning.kernels.step import Batch, BatchGradient
+from steerlab.learning.kernels.weights import pack, unpack
 from steerlab.learning.mind_meld import MindMeld, NetworkConfig
 from steerlab.learning.windows import Windows
 from steerlab.sim.errors import InvalidConfig
@@ -43,8 +46,7 @@ class TrainingConfig:
         mirror: half of the windows are seen left for right, as labels of a second person whom
             nobody is: their mirror image, with an embedding of their own.
         huber: error in wheel units from which the difference loss grows linearly; None squares.
-        threads: torch threads while training and calibrating; another number gives other last
-            bits. A second thread gains a third on an idle machine and loses tenfold on a busy one.
+        threads: threads that share a batch; their number changes no bit of what is learnt.
     """
 
     epochs: int = 60
@@ -107,6 +109,9 @@ def mind_meld_loss(
     huber: float | None = None,
 ) -> LossParts:
     """Eq. 2 over a batch, with a reparameterised sample w_hat from g.
+
+    This is the definition. ``train`` takes the same numbers, and their gradient, from
+    ``kernels/step.py``, several times as fast; a test holds the two together.
 
     Args:
         network: encoder, f and g.
@@ -173,15 +178,15 @@ def train(
     for person, count in zip(windows.people, counts.tolist(), strict=True):
         if count == 0:
             raise InvalidLabels(f"{person!r} has no valid label to train on; leave them out.")
-    inputs, person = windows.inputs[rows], windows.person[rows]
-    difference = windows.difference[rows]
+    difference = windows.difference
 
     generator = torch.Generator().manual_seed(seed)
     network = MindMeld(network_config, generator)
     people = len(windows.people)
     shape = (people * (2 if config.mirror else 1), network_config.embedding_size)
     embeddings = torch.randn(shape, generator=generator).requires_grad_()
-    groups = [{"params": list(network.parameters()), "lr": config.rate}]
+    weights = pack(network).requires_grad_()
+    groups = [{"params": [weights], "lr": config.rate}]
     if given is None:
         groups.append({"params": [embeddings], "lr": config.rate * config.embedding_rate_factor})
     else:
@@ -195,34 +200,31 @@ def train(
         optimizer, lambda step: _rate_factor(step, config.epochs * batches, config)
     )
     history: list[tuple[float, float]] = []
-    with torch_threads(config.threads):
+    loss = Loss.of(config.embedding_loss_weight, config.huber)
+    length = windows.inputs.shape[1]
+    with torch_threads(1), BatchGradient(network, loss, length, config.threads) as gradient:
         for epoch in range(config.epochs):
-            drawn = torch.randperm(len(rows), generator=generator)[:per_epoch]
+            drawn = rows[torch.randperm(len(rows), generator=generator)[:per_epoch]]
             sums = torch.zeros(2)
-            for batch in drawn.split(config.batch_size):
-                window, target, whose = inputs[batch], difference[batch], person[batch]
+            for row in drawn.split(config.batch_size):
+                target, whose, sign = difference[row], windows.person[row], torch.ones(len(row))
                 if config.mirror:
-                    mirrored = torch.rand(len(batch), generator=generator) < 0.5
+                    mirrored = torch.rand(len(row), generator=generator) < 0.5
                     sign = 1.0 - 2.0 * mirrored
-                    window[:, :, 0] *= sign[:, None]  # a copy: indexed by a tensor
                     target, whose = sign * target, whose + people * mirrored
-                loss = mind_meld_loss(
-                    network,
-                    window,
-                    target,
-                    embeddings[whose],
-                    config.embedding_loss_weight,
-                    generator,
-                    config.huber,
-                )
-                optimizer.zero_grad()
-                loss.total.backward()
+                noise = torch.randn(len(row), shape[1], generator=generator)
+                batch = Batch.of(windows.inputs, row, sign, target, whose, noise)
+                weights.grad, by_embedding, losses = gradient(batch, embeddings, weights)
+                if given is None:
+                    zeros = torch.zeros_like(embeddings)
+                    embeddings.grad = zeros.index_add_(0, whose, by_embedding)
                 optimizer.step()
                 schedule.step()
-                sums += torch.stack([loss.difference, loss.embedding]).detach()
+                sums += losses
             history.append((float(sums[0] / batches), float(sums[1] / batches)))
             if on_epoch is not None:
                 on_epoch(epoch + 1, config.epochs)
+    unpack(weights, network)
     network.requires_grad_(False)
     return TrainedMindMeld(network, embeddings.detach()[:people].clone(), tuple(history))
 

@@ -51,7 +51,8 @@ def label_figure(
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.1, 1.0))
     for axes in (above, below):
         quiet(axes, grid="y")
-        axes.set_xlim(t_s[0], t_s[0] + (t_s[-1] - t_s[0]) * 1.17)  # room for the lines' names
+        span_s = max(t_s[-1] - t_s[0], 1e-3)  # of a single step there is none
+        axes.set_xlim(t_s[0], t_s[0] + span_s * 1.17)  # room for the lines' names
     for side in (-saturation, saturation):
         above.axhline(side, color=MUTED, linewidth=0.8, linestyle=(0, (2, 3)))
     above.annotate(

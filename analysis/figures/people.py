@@ -21,6 +21,10 @@ from steerlab.analysis.figures.look import (
 from steerlab.analysis.figures.placement import FloatArray
 from steerlab.sim.errors import InvalidConfig
 
+_CROWD = 300  # people of a split; beyond it points are small and faint, and pixels, not shapes
+_CROWD_INK = 800.0  # points that lie on each other must not all be black
+_CROWD_DPI = 200
+
 
 def people_figure(people: Mapping[str, tuple[FloatArray, FloatArray]]) -> Figure:
     """Each person as a point: below the diagonal the labels got better.
@@ -55,16 +59,23 @@ def people_figure(people: Mapping[str, tuple[FloatArray, FloatArray]]) -> Figure
         rotation_mode="anchor",
         va="bottom",
     )
+    most = max(len(before) for before, _ in people.values())
+    crowd = most > _CROWD
+    if crowd:
+        figure.set_dpi(_CROWD_DPI)
     for split, marker, fill in (("seen", SEEN_MARKER, PAPER), ("new", NEW_MARKER, BLUE)):
         before, after = people[split]
+        size = 5.5 if split == "seen" else 4.8
         axes.plot(
             before,
             after,
             marker,
             color=BLUE,
             markerfacecolor=fill,
-            markersize=5.5 if split == "seen" else 4.8,
-            markeredgewidth=1.1,
+            markersize=0.5 * size if crowd else size,
+            markeredgewidth=0.5 if crowd else 1.1,
+            alpha=float(np.clip(_CROWD_INK / most, 0.12, 0.5)) if crowd else None,
+            rasterized=crowd,
             label=f"{split} people",
         )
     lines = [

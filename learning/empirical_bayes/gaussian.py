@@ -51,10 +51,19 @@ class Moments:
             rows=np.concatenate([part.rows for part in parts]),
         )
 
-    def __getitem__(self, people: slice) -> "Moments":
+    def __getitem__(self, people: slice | list[int]) -> "Moments":
         """Some of the people."""
         return Moments(
             xx=self.xx[people], xy=self.xy[people], yy=self.yy[people], rows=self.rows[people]
+        )
+
+    def __add__(self, other: "Moments") -> "Moments":
+        """Of the same people with the rows of ``other`` too."""
+        return Moments(
+            xx=self.xx + other.xx,
+            xy=self.xy + other.xy,
+            yy=self.yy + other.yy,
+            rows=self.rows + other.rows,
         )
 
     def summed(self, people: int) -> "Moments":

@@ -75,20 +75,17 @@ def inverse_moments(series: Sequence[LabelSeries]) -> tuple[tuple[str, ...], Mom
     Raises:
         InvalidLabels: no series, or someone without a valid label.
     """
-    parts: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
+    people: dict[str, Moments] = {}
     for one in series:
         grid = GridSeries.from_series(one)
         rows = grid.valid & whole_window(grid.present)
         if not rows.any():
             rows = grid.valid
-        features = label_features(grid.label)[rows]
-        parts.setdefault(one.person, []).append((features, grid.truth[rows]))
-    if not parts:
+        own = Moments.of(label_features(grid.label)[rows], grid.truth[rows])
+        people[one.person] = people[one.person] + own if one.person in people else own
+    if not people:
         raise InvalidLabels("No label series given; calibration needs at least one.")
-    moments: list[Moments] = []
-    for person, rows in parts.items():
-        x, y = (np.concatenate(column) for column in zip(*rows, strict=True))
-        if not len(y):
+    for person, own in people.items():
+        if not own.rows.any():
             raise InvalidLabels(f"{person!r} has no valid label to calibrate on; label a rollout.")
-        moments.append(Moments.of(x, y))
-    return tuple(parts), Moments.concatenate(moments)
+    return tuple(people), Moments.concatenate(list(people.values()))

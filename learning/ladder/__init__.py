@@ -1,21 +1,27 @@
 """The ladder: everything MIND MELD must beat before anything is claimed for it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
+from steerlab.learning.empirical_bayes.mapper import EmpiricalBayesMapper
 from steerlab.learning.ladder.gain import PersonGainMapper, SharedGainMapper
 from steerlab.learning.ladder.gain_lag import PersonGainLagMapper
 from steerlab.learning.ladder.given_embedding import NoEmbeddingMapper, TrueStyleMapper
 from steerlab.learning.ladder.identity import IdentityMapper
+from steerlab.learning.ladder.left_out import LEAST_RATE_HZ, left_out
 from steerlab.learning.ladder.other_embedding import MeanEmbeddingMapper, ShuffledEmbeddingMapper
 from steerlab.learning.ladder.ridge import PersonRidgeMapper, SharedRidgeMapper
+from steerlab.learning.ladder.rungs import CEILING, FULL_ONLY, LADDER
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
-from steerlab.learning.presets import PAPER
+from steerlab.learning.presets import PAPER, MapperConfig
+from steerlab.learning.pretrained.mapper import SimPretrainedMapper
 from steerlab.learning.splits import StudySplit
 from steerlab.sim.scripted_teacher import TeacherStyle
 
 __all__ = [
     "CEILING",
+    "FULL_ONLY",
     "LADDER",
+    "LEAST_RATE_HZ",
     "IdentityMapper",
     "MeanEmbeddingMapper",
     "NoEmbeddingMapper",
@@ -27,25 +33,8 @@ __all__ = [
     "ShuffledEmbeddingMapper",
     "TrueStyleMapper",
     "build_ladder",
+    "left_out",
 ]
-
-LADDER = (
-    "identity",
-    "shared_gain",
-    "person_gain",
-    "person_gain_lag",
-    "shared_ridge",
-    "person_ridge",
-    "no_embedding",
-    "mean_embedding",
-    "shuffled_embedding",
-    "mind_meld_paper",
-    "mind_meld",
-)
-"""Every rung; a quick ladder lacks ``no_embedding`` and ``mind_meld_paper``."""
-
-CEILING = "true_style"
-"""Told the teachers' true styles: a reference, not a method."""
 
 
 def build_ladder(
@@ -53,45 +42,54 @@ def build_ladder(
     parts: StudySplit,
     *,
     seed: int,
-    on_step: Callable[[str, float], None],
-    full: bool = True,
+    on_step: Callable[[float], None],
+    without: Collection[str],
     styles: Mapping[str, TeacherStyle] | None = None,
+    paper: MapperConfig = PAPER,
 ) -> dict[str, LabelMapper]:
-    """Every rung, fitted on the training people and calibrated on the new ones.
+    """Every rung, fitted on the training people and calibrated on the new ones, in order.
 
     Args:
         mind_meld: fitted and calibrated on ``parts``.
         parts: the study; held-out series are not read.
         seed: of whatever is trained.
-        on_step: told which rung is being trained, and which share of it is done.
-        full: also train ``no_embedding``, ``mind_meld_paper`` (unless ``mind_meld`` is that
-            already) and, with ``styles``, the ceiling; minutes instead of seconds.
-        styles: everyone's true style, where the teachers are scripted.
+        on_step: told which share of the rungs is fitted, 0 to 1.
+        without: rungs not to build: what ``left_out`` finds for ``parts``.
+        styles: everyone's true style, where the teachers are scripted; without them there is no
+            ceiling.
+        paper: the settings of ``mind_meld_paper``.
     """
+    config = mind_meld.config
+    fitted: dict[str, LabelMapper] = {}
 
-    def told(rung: str) -> Callable[[int, int], None]:
-        return lambda done, of: on_step(f"training {rung.replace('_', ' ')}", done / of)
+    def on_epoch(done: int, of: int) -> None:
+        on_step((len(fitted) + done / of) / len(wanted))
 
-    rungs: list[LabelMapper] = [
-        IdentityMapper(),
-        SharedGainMapper(),
-        PersonGainMapper(),
-        PersonGainLagMapper(),
-        SharedRidgeMapper(mind_meld.config.window),
-        PersonRidgeMapper(mind_meld.config.window),
-    ]
-    if full:
-        rungs.append(NoEmbeddingMapper(mind_meld.config, seed=seed, on_epoch=told("no_embedding")))
-        if mind_meld.config != PAPER:
-            name = "mind_meld_paper"
-            rungs.append(MindMeldMapper(PAPER, seed=seed, on_epoch=told(name), name=name))
-        if styles is not None:
-            rungs.append(
-                TrueStyleMapper(styles, mind_meld.config, seed=seed, on_epoch=told(CEILING))
-            )
-    for rung in rungs:
+    builders: dict[str, Callable[[], LabelMapper]] = {
+        "identity": IdentityMapper,
+        "shared_gain": SharedGainMapper,
+        "person_gain": PersonGainMapper,
+        "person_gain_lag": PersonGainLagMapper,
+        "shared_ridge": lambda: SharedRidgeMapper(config.window),
+        "person_ridge": lambda: PersonRidgeMapper(config.window),
+        "no_embedding": lambda: NoEmbeddingMapper(config, seed=seed, on_epoch=on_epoch),
+        "mind_meld_paper": lambda: MindMeldMapper(
+            paper, seed=seed, on_epoch=on_epoch, name="mind_meld_paper"
+        ),
+        "eb_nonlinear": EmpiricalBayesMapper,
+        "sim_pretrained": lambda: SimPretrainedMapper(seed=seed),
+        "sim_pretrained_context": lambda: SimPretrainedMapper(context=True, seed=seed),
+    }
+    if styles is not None:
+        known = styles
+        builders[CEILING] = lambda: TrueStyleMapper(known, config, seed=seed, on_epoch=on_epoch)
+    wanted = [name for name in builders if name not in without]
+    for name in wanted:
+        rung = builders[name]()
         rung.fit(parts.train_seen)
         rung.calibrate(parts.calibrate_new)
-    rungs += [MeanEmbeddingMapper(mind_meld), ShuffledEmbeddingMapper(mind_meld), mind_meld]
-    by_name = {rung.name: rung for rung in rungs}
-    return {name: by_name[name] for name in (*LADDER, CEILING) if name in by_name}
+        fitted[name] = rung
+        on_step(len(fitted) / len(wanted))
+    sharing = (MeanEmbeddingMapper(mind_meld), ShuffledEmbeddingMapper(mind_meld), mind_meld)
+    rungs = fitted | {rung.name: rung for rung in sharing}
+    return {name: rungs[name] for name in (*LADDER, CEILING) if name in rungs}

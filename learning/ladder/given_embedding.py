@@ -36,7 +36,7 @@ class NoEmbeddingMapper:
         seed: int,
         on_epoch: Callable[[int, int], None] | None = None,
     ) -> None:
-        self._config, self._seed, self._on_epoch = config, seed, on_epoch
+        self.config, self._seed, self._on_epoch = config, seed, on_epoch
         self._network: MindMeld | None = None
 
     def fit(self, series: Sequence[LabelSeries]) -> None:
@@ -46,7 +46,7 @@ class NoEmbeddingMapper:
             InvalidLabels: no series, or someone without a valid step.
         """
         self._network = _train(
-            series, self._config, self._seed, self._on_epoch, lambda person, mirrored: self._w
+            series, self.config, self._seed, self._on_epoch, lambda person, mirrored: self._w
         )
 
     def calibrate(self, series: Sequence[LabelSeries]) -> None:
@@ -58,11 +58,24 @@ class NoEmbeddingMapper:
         Raises:
             NotFitted: ``fit`` was not called.
         """
-        return _map(self.name, self._network, self._config, self._w, series)
+        return map_windows(self.network, make_windows([series], self.config.window), self._w)
+
+    @property
+    def network(self) -> MindMeld:
+        """The trained network.
+
+        Raises:
+            NotFitted: ``fit`` was not called.
+        """
+        return _trained(self._network, self.name)
+
+    def embeddings(self, people: Sequence[str]) -> Tensor:
+        """0 for each of ``people``, (people, d)."""
+        return self._w.expand(len(people), -1)
 
     @property
     def _w(self) -> Tensor:
-        return torch.zeros(self._config.network.embedding_size)
+        return torch.zeros(self.config.network.embedding_size)
 
 
 class TrueStyleMapper:
@@ -90,7 +103,7 @@ class TrueStyleMapper:
     ) -> None:
         self._styles = dict(styles)
         size = len(fields(TeacherStyle))
-        self._config = replace(config, network=replace(config.network, embedding_size=size))
+        self.config = replace(config, network=replace(config.network, embedding_size=size))
         self._seed, self._on_epoch = seed, on_epoch
         self._network: MindMeld | None = None
         self._centre, self._scale = np.zeros(size), np.ones(size)
@@ -108,7 +121,7 @@ class TrueStyleMapper:
         self._scale = np.where(
             spread > 0.0, spread, 1.0
         )  # a parameter that nobody has tells nothing
-        self._network = _train(series, self._config, self._seed, self._on_epoch, self._w)
+        self._network = _train(series, self.config, self._seed, self._on_epoch, self._w)
 
     def calibrate(self, series: Sequence[LabelSeries]) -> None:
         """Nothing to learn: new people's styles are given as well."""
@@ -120,7 +133,25 @@ class TrueStyleMapper:
             NotFitted: ``fit`` was not called.
             UnknownPerson: the person's style was not given.
         """
-        return _map(self.name, self._network, self._config, self._w(series.person), series)
+        w = self._w(series.person)
+        return map_windows(self.network, make_windows([series], self.config.window), w)
+
+    @property
+    def network(self) -> MindMeld:
+        """The trained network.
+
+        Raises:
+            NotFitted: ``fit`` was not called.
+        """
+        return _trained(self._network, self.name)
+
+    def embeddings(self, people: Sequence[str]) -> Tensor:
+        """The true style of each of ``people`` as the network takes it, (people, d).
+
+        Raises:
+            UnknownPerson: someone's style was not given.
+        """
+        return torch.stack([self._w(person) for person in people])
 
     def _style(self, person: str) -> TeacherStyle:
         if person not in self._styles:
@@ -157,13 +188,7 @@ def _train(
     return train(windows, config.network, training, seed, on_epoch, given=given).network
 
 
-def _map(
-    name: str,
-    network: MindMeld | None,
-    config: MapperConfig,
-    embedding: Tensor,
-    series: LabelSeries,
-) -> FloatArray:
+def _trained(network: MindMeld | None, name: str) -> MindMeld:
     if network is None:
         raise NotFitted(f"{name} is not trained; call fit.")
-    return map_windows(network, make_windows([series], config.window), embedding)
+    return network

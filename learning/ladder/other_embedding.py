@@ -2,6 +2,9 @@
 
 from collections.abc import Sequence
 
+import torch
+from torch import Tensor
+
 from steerlab.learning.errors import InvalidLabels, UnknownPerson
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.series import LabelSeries
@@ -34,6 +37,15 @@ class MeanEmbeddingMapper:
         """
         return self._mind_meld.map_with(self._mind_meld.mean_embedding, series)
 
+    def embeddings(self, people: Sequence[str]) -> Tensor:
+        """The mean for each of ``people``, (people, d)."""
+        return self._mind_meld.mean_embedding.expand(len(people), -1)
+
+    @property
+    def mind_meld(self) -> MindMeldMapper:
+        """Whose network it shares."""
+        return self._mind_meld
+
 
 class ShuffledEmbeddingMapper:
     """MIND MELD's network with each person given the w of the next one, and the last the first's.
@@ -62,12 +74,16 @@ class ShuffledEmbeddingMapper:
             UnknownPerson: the person was neither fitted nor calibrated.
             InvalidLabels: the mapper knows nobody else.
         """
-        people = self._mind_meld.people
-        if person not in people:
+        lenders = self._lenders()
+        if person not in lenders:
             raise UnknownPerson(f"{self.name} does not know {person!r}; call calibrate first.")
-        if len(people) < 2:
+        if len(lenders) < 2:
             raise InvalidLabels(f"{self.name} knows {person!r} alone; a shuffle needs two people.")
-        return people[(people.index(person) + 1) % len(people)]
+        return lenders[person]
+
+    def _lenders(self) -> dict[str, str]:
+        people = self._mind_meld.people
+        return dict(zip(people, (*people[1:], *people[:1]), strict=True))
 
     def map(self, series: LabelSeries) -> FloatArray:
         """Mapped labels (steps,).
@@ -77,3 +93,19 @@ class ShuffledEmbeddingMapper:
         """
         lent = self._mind_meld.embedding_tensor(self.lender(series.person))
         return self._mind_meld.map_with(lent, series)
+
+    def embeddings(self, people: Sequence[str]) -> Tensor:
+        """The lender's w for each of ``people``, (people, d).
+
+        Raises:
+            UnknownPerson: someone was neither fitted nor calibrated.
+        """
+        lenders = self._lenders()
+        if unknown := [person for person in people if person not in lenders]:
+            raise UnknownPerson(f"{self.name} does not know {unknown[0]!r}; call calibrate first.")
+        return torch.stack([self._mind_meld.embedding_tensor(lenders[one]) for one in people])
+
+    @property
+    def mind_meld(self) -> MindMeldMapper:
+        """Whose network it shares."""
+        return self._mind_meld

@@ -4,7 +4,6 @@ Teachers outside the simulated family are what a frozen network cannot know. Whe
 people are such is decided on rollouts of theirs that fine-tuning did not see.
 """
 
-from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from math import cos, pi
@@ -12,18 +11,11 @@ from math import cos, pi
 import numpy as np
 import torch
 
-from steerlab.learning.empirical_bayes.grid import GridSeries
-from steerlab.learning.pretrained.model import (
-    Alignment,
-    PretrainedModel,
-    closed_form,
-    network_inputs,
-)
+from steerlab.learning.pretrained.model import Alignment, PretrainedModel, network_inputs
 from steerlab.learning.pretrained.network import ResidualNetwork
-from steerlab.learning.pretrained.style import StyleMoments, concatenate, style_moments
-from steerlab.learning.series import LabelSeries
+from steerlab.learning.pretrained.study_batch import StudyBatch
 from steerlab.learning.training import torch_threads
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.rollout import BoolArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,90 +36,54 @@ class FineTuningConfig:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class StudyBatch:
-    """Rollouts of a study, ready for the network; padded to one length, (rollouts, samples)."""
+class FineTuned:
+    """What fine-tuning came to.
 
-    inputs: torch.Tensor
-    prediction: FloatArray
-    truth: FloatArray
-    valid: BoolArray
-    style: FloatArray
-    rollout: tuple[str, ...]
-
-
-def study_batch(
-    model: PretrainedModel, series: Sequence[LabelSeries], motions: Sequence[FloatArray] | None
-) -> StudyBatch | None:
-    """Each rollout with the style of its person found from that person's *other* rollouts.
-
-    None if nobody has two rollouts.
-
-    Args:
-        model: whose encoder finds the styles.
-        series: of the training people; someone with a single rollout is left out.
-        motions: the car's motion on the grid of each series, or None.
+    Attributes:
+        network: to use, frozen or fine-tuned.
+        gain: relative, on the rollouts held out for the choice; 0 when too few are there.
+        unseen: (rollouts,) of the batch, those that ``network`` was not trained on.
     """
-    grids = [GridSeries.from_series(one) for one in series]
-    parts = [style_moments(one.label[None], one.truth[None], one.valid[None]) for one in grids]
-    moments = concatenate(parts)
-    person = np.array([one.person for one in series])
-    others = (person[:, None] == person) & ~np.eye(len(series), dtype=bool)
-    kept = [row for row in range(len(series)) if (others[row] @ moments.inverse.rows) > 0.0]
-    if not kept:
-        return None
-    coefficients, style = model.encoder(_grouped(moments, others[kept]))
-    samples = max(len(grids[row].label) for row in kept)
 
-    def padded(name: str) -> np.ndarray:
-        values = [getattr(grids[row], name) for row in kept]
-        return np.stack([np.pad(one, (0, samples - len(one))) for one in values])
-
-    def held(values: FloatArray) -> FloatArray:
-        return values[np.minimum(np.arange(samples), len(values) - 1)]
-
-    label = np.stack([held(grids[row].label) for row in kept])
-    motion = None if motions is None else np.stack([held(motions[row]) for row in kept])
-    prediction = closed_form(label, coefficients)
-    alignment = Alignment.from_style(style, model.style_readout)
-    return StudyBatch(
-        inputs=network_inputs(label, prediction, padded("present"), alignment, motion),
-        prediction=prediction,
-        truth=padded("truth"),
-        valid=padded("valid"),
-        style=style,
-        rollout=tuple(series[row].rollout for row in kept),
-    )
+    network: ResidualNetwork
+    gain: float
+    unseen: BoolArray
 
 
 def fine_tuned(
     model: PretrainedModel,
-    batch: StudyBatch | None,
+    batch: StudyBatch,
     seed: int,
     config: FineTuningConfig,
-) -> tuple[ResidualNetwork, float]:
-    """The network to use, frozen or fine-tuned, and the relative gain on held-out rollouts.
-
-    The gain is 0 when too few rollouts are there to decide.
-    """
-    if batch is None:
-        return model.network, 0.0
+) -> FineTuned:
+    """Fine-tune, and keep it if it helps on rollouts held out for the choice."""
+    everything = np.ones(len(batch.rollout), dtype=bool)
     names = sorted(set(batch.rollout))
     deciding = names[config.hold_out_every // 2 :: config.hold_out_every]
     held_out = np.isin(batch.rollout, deciding)
     if len(names) < config.hold_out_every or held_out.all():
-        return model.network, 0.0
+        return FineTuned(network=model.network, gain=0.0, unseen=everything)
+    inputs = _inputs(model, batch)
     with torch_threads(1):
-        tuned = _tune(model.network, batch, np.flatnonzero(~held_out), seed, config)
+        tuned = _tune(model.network, inputs, batch, np.flatnonzero(~held_out), seed, config)
         before, after = (
-            _mean_error(network, batch, np.flatnonzero(held_out))
+            _mean_error(network, inputs, batch, np.flatnonzero(held_out))
             for network in (model.network, tuned)
         )
     gain = 1.0 - after / before
-    return (tuned, gain) if gain > config.margin else (model.network, gain)
+    if gain > config.margin:
+        return FineTuned(network=tuned, gain=gain, unseen=held_out)
+    return FineTuned(network=model.network, gain=gain, unseen=everything)
+
+
+def _inputs(model: PretrainedModel, batch: StudyBatch) -> torch.Tensor:
+    alignment = Alignment.from_style(batch.style, model.style_readout)
+    return network_inputs(batch.label, batch.prediction, batch.present, alignment, batch.motion)
 
 
 def _tune(
     network: ResidualNetwork,
+    inputs: torch.Tensor,
     batch: StudyBatch,
     rows: np.ndarray,
     seed: int,
@@ -141,7 +97,7 @@ def _tune(
     for step in range(config.steps):
         for group in optimizer.param_groups:
             group["lr"] = config.rate * 0.5 * (1.0 + cos(pi * step / config.steps))
-        loss = _loss(tuned, batch, rng.choice(rows, config.batch_size))
+        loss = _loss(tuned, inputs, batch, rng.choice(rows, config.batch_size))
         optimizer.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(adapted, 1.0)
@@ -149,18 +105,18 @@ def _tune(
     return tuned.requires_grad_(False)
 
 
-def _mean_error(network: ResidualNetwork, batch: StudyBatch, rows: np.ndarray) -> float:
+def _mean_error(
+    network: ResidualNetwork, inputs: torch.Tensor, batch: StudyBatch, rows: np.ndarray
+) -> float:
     with torch.no_grad():
-        return float(_loss(network, batch, rows))
+        return float(_loss(network, inputs, batch, rows))
 
 
-def _loss(network: ResidualNetwork, batch: StudyBatch, rows: np.ndarray) -> torch.Tensor:
+def _loss(
+    network: ResidualNetwork, inputs: torch.Tensor, batch: StudyBatch, rows: np.ndarray
+) -> torch.Tensor:
     style = torch.from_numpy(batch.style[rows].astype(np.float32))
-    correction, _ = network(batch.inputs[rows], style)
+    correction, _ = network(inputs[rows], style)
     residual = torch.from_numpy((batch.prediction - batch.truth)[rows].astype(np.float32))
     valid = torch.from_numpy(batch.valid[rows]).float()
     return ((correction + residual).abs() * valid).sum() / valid.sum()
-
-
-def _grouped(moments: StyleMoments, weights: BoolArray) -> StyleMoments:
-    return moments.grouped(weights.astype(np.float64))

@@ -6,19 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from steerlab.learning.empirical_bayes.grid import GridSeries, from_grid, grid_positions
-from steerlab.learning.errors import InvalidLabels, UnknownPerson
-from steerlab.learning.pretrained.fine_tuning import (
-    FineTuningConfig,
-    fine_tuned,
-    study_batch,
-)
+from steerlab.learning.errors import InvalidLabels, NotFitted, UnknownPerson
+from steerlab.learning.pretrained.expected_error import ErrorScale, measure_error_scale
+from steerlab.learning.pretrained.fine_tuning import FineTuningConfig, fine_tuned
 from steerlab.learning.pretrained.model import PretrainedModel, map_labels
+from steerlab.learning.pretrained.study_batch import study_batch
 from steerlab.learning.pretrained.style import StyleMoments, concatenate, style_moments
 from steerlab.learning.pretrained.teachers import STYLE
 from steerlab.learning.pretrained.weights import load_shipped_model
 from steerlab.learning.series import CONTEXT, LabelSeries
 from steerlab.learning.training import torch_threads
 from steerlab.sim.rollout import FloatArray
+from steerlab.sim.vehicle import WHEEL_LIMIT
 
 FINE_TUNING = FineTuningConfig()
 
@@ -41,7 +40,7 @@ class SimPretrainedMapper:
     Args:
         context: also read the car's own motion, which every series must then carry.
         model: in place of the shipped weights.
-        fine_tuning: how to fine-tune; None keeps the network frozen and ``fit`` in milliseconds.
+        fine_tuning: how to fine-tune; None keeps the network frozen and ``fit`` within a second.
         seed: of fine-tuning's batches.
     """
 
@@ -60,6 +59,7 @@ class SimPretrainedMapper:
         self._seed = seed
         self._network = self._model.network
         self._gain = 0.0
+        self._error_scale: ErrorScale | None = None
         self._people: dict[str, PersonStyle] = {}
 
     def fit(self, series: Sequence[LabelSeries]) -> None:
@@ -69,13 +69,17 @@ class SimPretrainedMapper:
             InvalidLabels: no series, or someone without a valid label.
         """
         self._people, self._network, self._gain = {}, self._model.network, 0.0
+        self._error_scale = None
         self.calibrate(series)
+        motions = [motion_on_grid(one) for one in series] if self._context else None
+        batch = study_batch(self._model, series, motions)
+        if batch is None:  # one rollout a person: nothing is left to choose or measure on
+            return
+        unseen = np.ones(len(batch.rollout), dtype=bool)
         if self._fine_tuning is not None:
-            motions = [motion_on_grid(one) for one in series] if self._context else None
-            batch = study_batch(self._model, series, motions)
-            self._network, self._gain = fine_tuned(
-                self._model, batch, self._seed, self._fine_tuning
-            )
+            found = fine_tuned(self._model, batch, self._seed, self._fine_tuning)
+            self._network, self._gain, unseen = found.network, found.gain, found.unseen
+        self._error_scale = measure_error_scale(self._model, self._network, batch, unseen)
 
     def calibrate(self, series: Sequence[LabelSeries]) -> None:
         """The style of the people in ``series``; someone known gets a new one.
@@ -97,32 +101,71 @@ class SimPretrainedMapper:
             UnknownPerson: the person was neither fitted nor calibrated.
             InvalidLabels: the car's motion is wanted and missing.
         """
-        return self.map_with_spread(series)[0]
+        return self._map([series])[0][0]
+
+    def map_many(self, series: Sequence[LabelSeries]) -> list[FloatArray]:
+        """What ``map`` gives for each of ``series``, up to the last bits; many at a time.
+
+        Raises:
+            UnknownPerson: someone was neither fitted nor calibrated.
+            InvalidLabels: the car's motion is wanted and missing.
+        """
+        return [mapped for mapped, _ in self._map(series)]
 
     def map_with_spread(self, series: LabelSeries) -> tuple[FloatArray, FloatArray]:
         """Mapped labels and the absolute error to expect of each, (steps,) both.
 
         Raises:
+            NotFitted: no errors were measured; see ``error_scale``.
             UnknownPerson: the person was neither fitted nor calibrated.
             InvalidLabels: the car's motion is wanted and missing.
         """
-        person = self.person(series.person)
-        grid = GridSeries.from_series(series)
-        with torch_threads(1):  # too little work to share between threads
-            mapped, spread = map_labels(
-                self._network,
-                self._model.style_readout,
-                person.coefficients[None],
-                person.style[None],
-                grid.label[None],
-                grid.present[None],
-                self._motion(series),
-            )
-        given = np.isfinite(series.label)
-        return (
-            np.where(given, from_grid(mapped[0], series), np.nan),
-            np.where(given, from_grid(spread[0], series), np.nan),
-        )
+        mapped, stated = self._map([series])[0]
+        return mapped, self.error_scale.factor * stated
+
+    def map_with_interval(
+        self, series: LabelSeries, share: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mapped labels, and from where to where ``share`` of the truths lie, (steps,) each.
+
+        Raises:
+            InvalidConfig: ``share`` is not between 0 and 1.
+            NotFitted: no errors were measured; see ``error_scale``.
+            UnknownPerson: the person was neither fitted nor calibrated.
+            InvalidLabels: the car's motion is wanted and missing.
+        """
+        mapped, stated = self._map([series])[0]
+        half = self.error_scale.half_width(share) * stated
+        limits = (-WHEEL_LIMIT, WHEEL_LIMIT)
+        return mapped, np.clip(mapped - half, *limits), np.clip(mapped + half, *limits)
+
+    def _map(self, series: Sequence[LabelSeries]) -> list[tuple[FloatArray, FloatArray]]:
+        """Mapped labels and the network's own idea of their errors, (steps,) both, of each."""
+        grids = [GridSeries.from_series(one) for one in series]
+        alike: dict[int, list[int]] = {}  # of one length: padding would change what lies at ends
+        for row, grid in enumerate(grids):
+            alike.setdefault(len(grid.label), []).append(row)
+        found: dict[int, tuple[FloatArray, FloatArray]] = {}
+        for rows in alike.values():
+            people = [self.person(series[row].person) for row in rows]
+            motions = [motion_on_grid(series[row]) for row in rows] if self._context else None
+            with torch_threads(1):  # too little work to share between threads
+                mapped, stated = map_labels(
+                    self._network,
+                    self._model.style_readout,
+                    np.stack([person.coefficients for person in people]),
+                    np.stack([person.style for person in people]),
+                    np.stack([grids[row].label for row in rows]),
+                    np.stack([grids[row].present for row in rows]),
+                    None if motions is None else np.stack(motions),
+                )
+            for row, own, error in zip(rows, mapped, stated, strict=True):
+                given = np.isfinite(series[row].label)
+                found[row] = (
+                    np.where(given, from_grid(own, series[row]), np.nan),
+                    np.where(given, from_grid(error, series[row]), np.nan),
+                )
+        return [found[row] for row in range(len(series))]
 
     def person(self, person: str) -> PersonStyle:
         """What is known of someone.
@@ -149,6 +192,20 @@ class SimPretrainedMapper:
         return dict(zip(STYLE, values.tolist(), strict=True))
 
     @property
+    def error_scale(self) -> ErrorScale:
+        """The training people's actual errors beside the stated ones.
+
+        Raises:
+            NotFitted: ``fit`` was not called, or with a single rollout a person.
+        """
+        if self._error_scale is None:
+            raise NotFitted(
+                f"{self.name} has measured no errors, so it can expect none; call fit with two or "
+                "more rollouts of someone first. map needs no errors."
+            )
+        return self._error_scale
+
+    @property
     def is_fine_tuned(self) -> bool:
         """Whether ``fit`` found fine-tuning to help."""
         return self._network is not self._model.network
@@ -162,9 +219,6 @@ class SimPretrainedMapper:
     def people(self) -> tuple[str, ...]:
         """Everyone who can be mapped, fitted or calibrated."""
         return tuple(self._people)
-
-    def _motion(self, series: LabelSeries) -> FloatArray | None:
-        return motion_on_grid(series)[None] if self._context else None
 
 
 def motion_on_grid(series: LabelSeries) -> FloatArray:
@@ -192,14 +246,12 @@ def person_moments(series: Sequence[LabelSeries]) -> tuple[tuple[str, ...], Styl
     """
     if not series:
         raise InvalidLabels("No label series given; calibration needs at least one.")
-    parts: list[StyleMoments] = []
+    people: dict[str, StyleMoments] = {}
     for one in series:
         grid = GridSeries.from_series(one)
-        parts.append(style_moments(grid.label[None], grid.truth[None], grid.valid[None]))
-    people = tuple(dict.fromkeys(one.person for one in series))
-    weights = np.array([[one.person == person for one in series] for person in people])
-    moments = concatenate(parts).grouped(weights.astype(np.float64))
-    for person, rows in zip(people, moments.inverse.rows, strict=True):
-        if rows == 0.0:
+        own = style_moments(grid.label[None], grid.truth[None], grid.valid[None])
+        people[one.person] = people[one.person] + own if one.person in people else own
+    for person, own in people.items():
+        if not own.inverse.rows.any():
             raise InvalidLabels(f"{person!r} has no valid label to calibrate on; label a rollout.")
-    return people, moments
+    return tuple(people), concatenate(list(people.values()))

@@ -38,8 +38,8 @@ class ResidualConfig:
     """
 
     style_size: int
-    channels: int = 48
-    dilations: tuple[int, ...] = (1, 2, 4, 8)
+    channels: int = 64
+    dilations: tuple[int, ...] = (1, 2, 4, 8, 16)
     style_hidden: int = 48
 
     def __post_init__(self) -> None:

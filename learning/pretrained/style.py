@@ -50,12 +50,20 @@ class StyleMoments:
     forward: Moments
     sums: FloatArray
 
-    def __getitem__(self, rollouts: slice) -> "StyleMoments":
+    def __getitem__(self, rollouts: slice | list[int]) -> "StyleMoments":
         """Some of the rollouts."""
         return StyleMoments(
             inverse=self.inverse[rollouts],
             forward=self.forward[rollouts],
             sums=self.sums[rollouts],
+        )
+
+    def __add__(self, other: "StyleMoments") -> "StyleMoments":
+        """Of the same people with the labels of ``other`` too."""
+        return StyleMoments(
+            inverse=self.inverse + other.inverse,
+            forward=self.forward + other.forward,
+            sums=self.sums + other.sums,
         )
 
     def summed(self, people: int) -> "StyleMoments":

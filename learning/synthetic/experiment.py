@@ -7,7 +7,7 @@ from time import perf_counter
 import numpy as np
 
 from steerlab.learning.label_quality import LabelQuality, mapper_quality
-from steerlab.learning.ladder import build_ladder
+from steerlab.learning.ladder import build_ladder, left_out
 from steerlab.learning.mapper import MindMeldMapper, stack_embeddings
 from steerlab.learning.presets import LAB, MapperConfig
 from steerlab.learning.probe import StyleProbe, style_parameters
@@ -85,6 +85,7 @@ class SyntheticResult:
     new_people: list[ScriptedTeacher]
     mapper: MindMeldMapper
     quality: dict[str, dict[str, LabelQuality]]
+    left_out: dict[str, str]
     probe_r2: Mapping[str, float]
     spearman_new: Mapping[str, float]
     seconds: dict[str, float]
@@ -128,7 +129,14 @@ def run_synthetic(
     parts = StudySplit(
         train_seen=tuple(train), held_out_seen=(), calibrate_new=tuple(calibrate), held_out_new=()
     )
-    ladder = build_ladder(mapper, parts, seed=config.seed, on_step=progress, full=False)
+    without = left_out([parts], settings, full=False)
+    ladder = build_ladder(
+        mapper,
+        parts,
+        seed=config.seed,
+        on_step=lambda share: progress("fitting rival mappers", share),
+        without=without,
+    )
     quality: dict[str, dict[str, LabelQuality]] = {}
     for split, series in (
         ("calibration", train),
@@ -151,6 +159,7 @@ def run_synthetic(
         new_people=new,
         mapper=mapper,
         quality=quality,
+        left_out=without,
         probe_r2=probe_r2,
         spearman_new=spearman_new,
         seconds=seconds,

@@ -158,6 +158,7 @@ def example_summary(**changes: object) -> Summary:
         "versions": {"steerlab": "0.1.0", "python": "3.11.7", "mujoco": "3.3.1", "torch": "2.13.0"},
         "seconds": {"drives": 4.2, "oracle": 11.8, "labels": 1.9, "fit": 31.5, "report": 2.2},
         "splits": splits,
+        "left_out": {"no_embedding": "the quick ladder", "mind_meld_paper": "the quick ladder"},
         "style": {
             "gain": StyleSummary(probe_r2=0.981, spearman_new=0.974),
             "delay": StyleSummary(probe_r2=0.887, spearman_new=None),

@@ -114,10 +114,25 @@ def test_ladder_has_a_dot_and_an_interval_for_each(arrays):
             assert interval.get_color() == dot.get_color()
     rows = {method: dots[f"{method} new"].get_ydata()[0] for method in ladder}
     assert rows["my_method"] > rows["mind_meld"] > rows["identity"]
-    assert {"my method", "MIND MELD", "labels as given", "seen people", "new people"} == texts(
-        figure
-    )
+    assert {"my method", "MIND MELD", "labels as given"} == texts(figure)
+    legend = axes.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["seen people", "new people"]
     draw(figure)
+
+
+def test_a_crowd_is_drawn_as_pixels_and_stays_small(arrays):
+    rng = np.random.default_rng(0)
+    crowd = {
+        split: (rng.uniform(0.0, 1.0, 5000), rng.uniform(0.0, 1.0, 5000))
+        for split in ("seen", "new")
+    }
+    few = svg_text(people_figure(arrays.people))
+    assert "<image" not in few
+    many = svg_text(people_figure(crowd))
+    assert "<image" in many
+    assert len(many) < 1_000_000
+    assert many == svg_text(people_figure(crowd))
 
 
 @pytest.mark.parametrize("value", [-400.0, -0.3, 0.0, 0.99])

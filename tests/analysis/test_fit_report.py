@@ -62,6 +62,18 @@ def test_a_fits_page_says_what_was_done(fit_report):
         assert shown == plain
 
 
+def test_what_was_not_judged_is_said_with_its_reason(fit_report):
+    page = render_fit_report(fit_report)
+    assert "Not judged here" in page
+    assert page.count("the quick ladder") == 1  # one reason, two methods
+    for key in ("no_embedding", "mind_meld_paper"):
+        assert f"<code>{key}</code>" in page
+    whole = replace(fit_report, summary=replace(fit_report.summary, left_out={}))
+    assert "Not judged here" not in render_fit_report(whole)
+    evil = replace(fit_report, summary=replace(fit_report.summary, left_out={EVIL: EVIL}))
+    assert "<script" not in render_fit_report(evil)
+
+
 def test_the_files_own_split_and_range_are_told(fit_report):
     facts = replace(fit_report.facts, folds=None, limit=100.0, rates_hz=(10.0, 20.5))
     page = render_fit_report(replace(fit_report, facts=facts))
@@ -86,6 +98,7 @@ def _synthetic(report: SimulationReport) -> SyntheticReport:
         seconds={"fit": 20.0},
         splits={"calibration": seen, "unseen": seen, "new": new},
         style=report.summary.style,
+        left_out={"sim_pretrained_context": "no motion"},
     )
     return SyntheticReport(
         summary=summary,
@@ -104,6 +117,7 @@ def _synthetic(report: SimulationReport) -> SyntheticReport:
 def test_the_synthetic_page_sets_both_definitions_beside_the_papers(report):
     page = render_synthetic_report(_synthetic(report))
     assert page == render_synthetic_report(_synthetic(report))
+    assert "<code>sim_pretrained_context</code>:</b> no motion." in page
     for words in ("unstable", "not given", "one wheel unit is 90°", ">61\u202f%<", ">55\u202f%<"):
         assert words in page
     lines = comparison_lines(_synthetic(report).summary)

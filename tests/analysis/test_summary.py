@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from steerlab.analysis.json_reader import InvalidSummary
 from steerlab.analysis.summary import SplitSummary, StyleSummary, Summary
+from steerlab.learning.label_quality import label_quality
 
 finite = st.floats(-1e6, 1e6)
 shares = st.floats(0, 1)
@@ -40,6 +41,7 @@ summaries = st.builds(
     seconds=st.dictionaries(st.text("abc", min_size=1), st.floats(0, 1e6)),
     splits=st.fixed_dictionaries({"new": splits, "seen": splits}),
     style=st.fixed_dictionaries({"delay": styles, "gain": styles}),
+    left_out=st.dictionaries(st.text("xyz", min_size=1), st.text("abc")),
 )
 
 
@@ -59,6 +61,7 @@ def test_key_order_does_not_depend_on_how_it_was_built(summary: Summary):
         splits=dict(reversed(summary.splits.items())),
         style=dict(reversed(summary.style.items())),
         versions=dict(reversed(summary.versions.items())),
+        left_out=dict(reversed(summary.left_out.items())),
     )
     assert turned.to_json() == summary.to_json()
     assert [*json.loads(summary.to_json())] == [
@@ -69,6 +72,7 @@ def test_key_order_does_not_depend_on_how_it_was_built(summary: Summary):
         "versions",
         "seconds",
         "splits",
+        "left_out",
         "style",
     ]
 
@@ -119,6 +123,8 @@ def put(values: Any, place: str, value: Any) -> None:
         ("splits.new.typo", 1, r"splits\.new has unknown \['typo'\]"),
         ("splits.old", {}, r"splits\.old lacks 'people'"),
         ("style.gain.probe_r2", "high", r"style\.gain\.probe_r2 is 'high'"),
+        ("left_out.no_embedding", 1, r"left_out\.no_embedding is 1; give a text"),
+        ("left_out.mind_meld", "why", r"'mind_meld' is judged and left out"),
         ("extra", 1, r"The summary has unknown \['extra'\]"),
         ("splits", {}, r"splits has \[\]; give \['new', 'seen'\]"),
         ("noise", ["x" * 99], r"noise is \['x+\.\.\.; give a text"),
@@ -135,6 +141,32 @@ def test_what_is_wrong_is_named(summary: Summary, place: str, value: object, mes
 def test_a_text_that_is_no_summary(text: str):
     with pytest.raises(InvalidSummary, match=r"no JSON|give an object"):
         Summary.from_json(text)
+
+
+def test_a_split_is_that_of_mind_meld_with_everyones_improvement():
+    rng = np.random.default_rng(0)
+    person = np.repeat(["a", "b", "c"], 4)
+    raw, truth = rng.normal(size=12), rng.normal(size=12)
+    ladder = {
+        name: label_quality(person, raw, mapped, truth, np.random.default_rng(1))
+        for name, mapped in (("identity", raw), ("mind_meld", 0.5 * (raw + truth)))
+    }
+    split = SplitSummary.of(ladder, unit=40.0)
+    assert split.mae_before == pytest.approx(40.0 * np.abs(raw - truth).mean())
+    assert split.mae_after == pytest.approx(0.5 * split.mae_before)
+    assert split.improvement == {"identity": 0.0, "mind_meld": pytest.approx(0.5)}
+
+
+def test_a_median_person_without_error_is_said():
+    person = np.repeat(["a", "b", "c"], 2)
+    raw = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
+    ladder = {
+        "mind_meld": label_quality(
+            person, raw, np.full(6, 0.1), np.zeros(6), np.random.default_rng(0)
+        )
+    }
+    with pytest.raises(InvalidSummary, match=r"Too many of the 3 people.*Leave such people out"):
+        SplitSummary.of(ladder)
 
 
 @given(

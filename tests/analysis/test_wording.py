@@ -10,6 +10,7 @@ from steerlab.analysis.wording import (
     count,
     decimal,
     headline,
+    left_out_reasons,
     percent,
     percent_range,
     teachers,
@@ -82,6 +83,24 @@ def test_the_headline_says_no_more_than_the_interval(
 def test_a_better_baseline_is_not_kept_quiet(summary: Summary, baseline: float, start: str):
     changed = with_new(summary, ci95=(0.5, 0.7), mind_meld=0.61, person_gain=baseline)
     assert plain(comparison(changed)).startswith(start)
+
+
+def test_a_pre_trained_mapper_is_no_simpler_method(summary: Summary):
+    summary = replace(summary, left_out={})
+    ours = {"ci95": (0.5, 0.7), "mind_meld": 0.61, "person_gain": 0.35}
+    alone = comparison(with_new(summary, **ours, mind_meld_paper=0.7))
+    said = comparison(with_new(summary, **ours, mind_meld_paper=0.7, sim_pretrained=0.9))
+    assert said.startswith(alone)
+    assert plain(said).endswith("which goes beyond the paper, removed 90 %.")
+    both = with_new(summary, **ours, sim_pretrained=0.9, sim_pretrained_context=0.95)
+    assert plain(comparison(both)).endswith("90 %, and 95 % reading the car’s motion too.")
+
+
+def test_methods_left_out_for_one_reason_are_named_together():
+    assert left_out_reasons({"a": "why", "b": "other", "c": "why"}) == [
+        ("why", ["a", "c"]),
+        ("other", ["b"]),
+    ]
 
 
 def test_a_ceiling_is_no_baseline(summary: Summary):

@@ -6,19 +6,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steerlab.learning.ladder import CEILING, NoEmbeddingMapper, TrueStyleMapper, build_ladder
+from steerlab.learning.ladder import (
+    CEILING,
+    NoEmbeddingMapper,
+    TrueStyleMapper,
+    build_ladder,
+    left_out,
+)
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
 from steerlab.learning.presets import MapperConfig
-from steerlab.learning.series import LabelSeries
+from steerlab.learning.series import CONTEXT, LabelSeries
 from steerlab.learning.splits import StudySplit, split_rollouts, split_study
 from steerlab.learning.streaming import StreamingMapper
 from steerlab.learning.training import TrainingConfig
-from steerlab.sim.geometry import Pose2D
 from steerlab.sim.populations import sample_population
-from steerlab.sim.rollout import Outcome, Rollout
+from steerlab.sim.rollout import Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.sim.world import WorldSpec
 
 CONTROL_HZ = 20.0
 _SMALL = TrainingConfig(share_per_epoch=0.3, least_per_epoch=1, batch_size=256)
@@ -43,29 +47,10 @@ def _oracle_like(rng: np.random.Generator, steps: int) -> np.ndarray:
     return np.clip(1.8 * kicked + 0.3 * wander, -WHEEL_LIMIT, WHEEL_LIMIT)
 
 
-def _rollout(name: str, label: np.ndarray) -> Rollout:
-    steps = len(label)
-    return Rollout(
-        name=name,
-        world=WorldSpec(name="flat", ball_xy_m=(40.0, 0.0), start=Pose2D(0.0, 0.0, 0.0)),
-        control_hz=CONTROL_HZ,
-        seed=0,
-        outcome=Outcome.TIME_LIMIT,
-        t_s=np.arange(steps) / CONTROL_HZ,
-        pose=np.zeros((steps, 3)),
-        velocity=np.zeros((steps, 3)),
-        acceleration=np.zeros((steps, 2)),
-        robot_wheel=np.zeros(steps),
-        oracle_label=label,
-        oracle_valid=np.isfinite(label),
-        physics_state=np.zeros((steps, 1)),
-    )
-
-
 @pytest.fixture(scope="session")
-def rollouts() -> tuple[Rollout, ...]:
+def rollouts(make_rollout: Callable[..., Rollout]) -> tuple[Rollout, ...]:
     rng = np.random.default_rng(11)
-    return tuple(_rollout(f"r{index:02d}", _oracle_like(rng, 200)) for index in range(8))
+    return tuple(make_rollout(_oracle_like(rng, 200), name=f"r{index:02d}") for index in range(8))
 
 
 @pytest.fixture(scope="session")
@@ -79,6 +64,10 @@ def label_people() -> LabelPeople:
                 label=teacher.respond(rollout, order=order, attempt=0),
                 truth=rollout.oracle_label,
                 valid=rollout.oracle_valid,
+                context=np.column_stack(
+                    [rollout.velocity[:, 2], rollout.velocity[:, 0], rollout.robot_wheel]
+                ),
+                context_names=CONTEXT,
             )
             for teacher in teachers
             for order, rollout in enumerate(rollouts)
@@ -130,7 +119,8 @@ def ladder(
     study: StudySplit, trained: MindMeldMapper, streaming: StreamingMapper, people
 ) -> dict[str, LabelMapper]:
     """Every rung; those that train a network beyond MIND MELD's do so briefly."""
-    rungs = build_ladder(trained, study, seed=5, on_step=lambda what, share: None, full=False)
+    without = left_out([study], trained.config, full=False)
+    rungs = build_ladder(trained, study, seed=5, on_step=lambda share: None, without=without)
     styles = {one.name: one.style for group in people.values() for one in group}
     trained_apart = (
         NoEmbeddingMapper(BRIEF, seed=5),

@@ -7,20 +7,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steerlab.learning import cross_validation
-from steerlab.learning.cross_validation import (
-    LEAST_TRAINING_STEPS,
-    cross_validate,
-    fit_within_budget,
-    map_all,
-    with_enough_steps,
-)
+from steerlab.learning import training_budget
+from steerlab.learning.cross_validation import cross_validate
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.folds import plan_folds
 from steerlab.learning.label_table import GivenSeries, LabelScale, LabelTable
+from steerlab.learning.ladder import LADDER
 from steerlab.learning.presets import LAB, MapperConfig
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.training import TrainingConfig
+from steerlab.learning.training_budget import (
+    LEAST_TRAINING_STEPS,
+    fit_within_budget,
+    with_enough_steps,
+    within_budget,
+)
 from steerlab.learning.windows import WindowConfig
 from steerlab.sim.errors import InvalidConfig
 
@@ -31,7 +32,7 @@ QUICK = MapperConfig(
 
 @pytest.fixture(autouse=True)
 def few_steps(monkeypatch):
-    monkeypatch.setattr(cross_validation, "LEAST_TRAINING_STEPS", 10)
+    monkeypatch.setattr(training_budget, "LEAST_TRAINING_STEPS", 10)
 
 
 def _silent(what: str, share: float) -> None:
@@ -184,8 +185,7 @@ def test_the_split_column_is_obeyed():
     (fold,) = plan.folds
     assert [_pair(one) for one in fold.train_seen] == [("a", "1"), ("b", "1")]
     assert [_pair(one) for one in fold.held_out_new] == [("c", "2"), ("d", "2")]
-    assert plan.fit == fold.train_seen
-    assert plan.calibrate == fold.calibrate_new
+    assert plan.fit is None
     assert plan.notices == ()
 
 
@@ -221,8 +221,10 @@ def test_held_out_truth_and_people_cannot_be_read():
         else one
         for one in table.given
     ]
-    before = cross_validate(plan, QUICK, seed=3, progress=_silent)
-    after = cross_validate(plan_folds(_table(spoilt), 2, 0), QUICK, seed=3, progress=_silent)
+    before = cross_validate(plan, QUICK, seed=3, progress=_silent, full=False)
+    after = cross_validate(
+        plan_folds(_table(spoilt), 2, 0), QUICK, seed=3, progress=_silent, full=False
+    )
     moved = 0
     for one, other in zip(before.predictions, after.predictions, strict=True):
         assert _pair(one.series) == _pair(other.series)
@@ -235,8 +237,8 @@ def test_held_out_truth_and_people_cannot_be_read():
 
 def test_results_pool_all_folds_and_repeat():
     plan = plan_folds(_shared(5, 4), 2, 0)
-    one = cross_validate(plan, QUICK, seed=3, progress=_silent)
-    again = cross_validate(plan, QUICK, seed=3, progress=_silent)
+    one = cross_validate(plan, QUICK, seed=3, progress=_silent, full=False)
+    again = cross_validate(plan, QUICK, seed=3, progress=_silent, full=False)
     assert one.quality == again.quality
     labels = {split: ladder["mind_meld"].labels for split, ladder in one.quality.items()}
     assert labels["seen"] + labels["new"] == 5 * 4 * 20
@@ -246,25 +248,68 @@ def test_results_pool_all_folds_and_repeat():
     assert one.quality["new"]["mind_meld"].mae_after == pytest.approx(np.abs(mapped - truth).mean())
 
 
-def test_many_series_map_as_each_alone():
-    series = [one.series for one in _shared(3, 3).given]
-    mapper, notices = fit_within_budget(series, QUICK, seed=0, what="x", progress=_silent)
-    assert notices == []
-    for one, mapped in zip(series, map_all(mapper, series), strict=True):
-        np.testing.assert_allclose(mapped, mapper.map(one), atol=1e-5)
+def test_every_method_is_judged_or_said_to_be_left_out():
+    quick = cross_validate(
+        plan_folds(_shared(5, 4), 2, 0), QUICK, seed=3, progress=_silent, full=False
+    )
+    for ladder in quick.quality.values():
+        assert set(ladder) == set(LADDER) - set(quick.left_out)
+    assert set(quick.left_out) == {"no_embedding", "mind_meld_paper", "sim_pretrained_context"}
+
+
+def test_a_method_that_one_fold_cannot_judge_is_left_out_of_all():
+    two = cross_validate(
+        plan_folds(_shared(2, 4), 2, 0), QUICK, seed=3, progress=_silent, full=False
+    )
+    assert "there is 1" in two.left_out["eb_nonlinear"]
+    assert "eb_nonlinear" not in two.quality["new"]
+
+
+def test_progress_is_told_and_never_falls_back():
+    told: dict[str, list[float]] = {}
+    cross_validate(
+        plan_folds(_shared(4, 4), 2, 0),
+        QUICK,
+        seed=3,
+        progress=lambda what, share: told.setdefault(what, []).append(share),
+        full=False,
+    )
+    assert list(told) == [
+        f"{what}, fold {number} of 2"
+        for number in (1, 2)
+        for what in ("MIND MELD", "rival mappers", "scoring")
+    ]
+    for shares in told.values():
+        assert shares == sorted(shares)
+        assert shares[-1] == 1.0
 
 
 def test_a_table_beyond_the_budget_still_knows_everyone():
     series = [one.series for one in _shared(12, 3).given]
-    mapper, (notice,) = fit_within_budget(
-        series, QUICK, seed=0, what="x", progress=_silent, most_labels=240
-    )
+    mapper = fit_within_budget(series, QUICK, seed=0, what="x", progress=_silent, most_labels=240)
     assert set(mapper.people) == {one.person for one in series}
-    assert notice.startswith("The network was trained on 4 of 12 people")
+    budget = within_budget(series, 0, 240)
+    assert len(budget.trained) + len(budget.calibrated) == len(series)
+    trained = {one.person for one in budget.trained}
+    assert not trained & {one.person for one in budget.calibrated}
+    assert sum(one.steps for one in budget.trained) == 240
+    (notice,) = budget.notices
+    assert "were learned of 4 of 12 people" in notice
+    assert within_budget(series, 0).calibrated == ()
+    assert within_budget(series, 0).notices == ()
+    assert len({one.person for one in within_budget(series, 0, 1).trained}) == 2
+
+
+def test_all_methods_learn_of_the_budget_and_judge_everyone():
+    plan = plan_folds(_shared(12, 4), 2, 0)
+    found = cross_validate(plan, QUICK, seed=0, progress=_silent, full=False, most_labels=160)
+    assert found.notices
+    for split in ("seen", "new"):
+        assert {one.people for one in found.quality[split].values()} == {12}
 
 
 def test_small_tables_are_trained_long_enough(monkeypatch):
-    monkeypatch.setattr(cross_validation, "LEAST_TRAINING_STEPS", LEAST_TRAINING_STEPS)
+    monkeypatch.setattr(training_budget, "LEAST_TRAINING_STEPS", LEAST_TRAINING_STEPS)
     for labels in (10, 1_000, 20_000):
         training = with_enough_steps(LAB, labels).training
         batches = -(-round(training.share_per_epoch * labels) // training.batch_size)

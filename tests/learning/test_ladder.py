@@ -11,7 +11,9 @@ from steerlab.learning.errors import InvalidLabels, NotFitted, UnknownPerson
 from steerlab.learning.label_quality import mapper_quality
 from steerlab.learning.ladder import (
     CEILING,
+    FULL_ONLY,
     LADDER,
+    LEAST_RATE_HZ,
     IdentityMapper,
     NoEmbeddingMapper,
     PersonGainLagMapper,
@@ -22,10 +24,13 @@ from steerlab.learning.ladder import (
     ShuffledEmbeddingMapper,
     TrueStyleMapper,
     build_ladder,
+    left_out,
 )
 from steerlab.learning.ladder.gain_lag import DelayGrid
 from steerlab.learning.ladder.ridge import choose_penalty, features, moments
+from steerlab.learning.presets import PAPER
 from steerlab.learning.series import LabelSeries
+from steerlab.learning.splits import StudySplit
 from steerlab.learning.windows import WindowConfig
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherStyle
@@ -43,25 +48,121 @@ def improvement(mapper, series) -> float:
     return mapper_quality(mapper, series, np.random.default_rng(0)).improvement
 
 
+def test_the_keys_are_those_agreed():
+    assert LADDER == (
+        "identity", "shared_gain", "person_gain", "person_gain_lag", "shared_ridge",
+        "person_ridge", "no_embedding", "mean_embedding", "shuffled_embedding", "mind_meld",
+        "mind_meld_paper", "eb_nonlinear", "sim_pretrained", "sim_pretrained_context",
+    )  # fmt: skip
+
+
 def test_a_quick_ladder_lacks_what_must_be_trained(trained, study):
-    quick = build_ladder(trained, study, seed=0, on_step=lambda what, share: None, full=False)
-    assert list(quick) == [n for n in LADDER if n not in ("no_embedding", "mind_meld_paper")]
+    without = left_out([study], trained.config, full=False)
+    assert set(without) == {"no_embedding", "mind_meld_paper"}
+    told: list[float] = []
+    quick = build_ladder(trained, study, seed=0, on_step=told.append, without=without)
+    assert list(quick) == [name for name in LADDER if name not in FULL_ONLY]
     assert quick["mind_meld"] is trained
+    assert told == sorted(told)
+    assert told[-1] == 1.0
 
 
 @pytest.mark.slow
 def test_a_full_ladder_has_every_rung_in_order_and_tells_its_steps(trained, study, people):
     small = replace(study, train_seen=study.train_seen[:12], calibrate_new=study.calibrate_new[:6])
-    told: set[str] = set()
+    told: list[float] = []
     styles = {one.name: one.style for group in people.values() for one in group}
     full = build_ladder(
-        trained, small, seed=0, on_step=lambda what, share: told.add(what), styles=styles
+        trained,
+        small,
+        seed=0,
+        on_step=told.append,
+        without=left_out([small], trained.config, full=True, styles_known=True),
+        styles=styles,
     )
     assert list(full) == [*LADDER, CEILING]
     assert all(full[name].name == name for name in full)
-    assert told == {
-        "training no embedding", "training mind meld paper", "training true style"
-    }  # fmt: skip
+    assert told == sorted(told)
+    assert len(told) > len(full)  # epochs are told too
+
+
+def changed(study: StudySplit, **changes: object) -> StudySplit:
+    parts = ("train_seen", "held_out_seen", "calibrate_new", "held_out_new")
+    return StudySplit(
+        **{part: tuple(replace(one, **changes) for one in getattr(study, part)) for part in parts}
+    )
+
+
+PRETRAINED = {"sim_pretrained", "sim_pretrained_context"}
+
+
+def test_nothing_is_left_out_without_a_reason(trained, study):
+    assert left_out([study], trained.config, full=True, styles_known=True) == {}
+    why = left_out([study], PAPER, full=True)
+    assert set(why) == {"mind_meld_paper"}
+    assert "the paper’s settings" in why["mind_meld_paper"]
+    quick = left_out([study], trained.config, full=False, styles_known=True)
+    assert set(quick) == set(FULL_ONLY)
+
+
+def test_without_the_cars_motion_the_rung_that_reads_it_is_left_out(trained, study):
+    one = study.train_seen[0]
+    bare = changed(study, context=np.empty((0, 0)), context_names=())
+    why = left_out([study, bare], trained.config, full=True)
+    assert set(why) == {"sim_pretrained_context"}
+    assert "yaw_rate_radps, speed_mps, robot_wheel" in why["sim_pretrained_context"]
+    wild = replace(one, context=one.context + np.array([0.0, 0.0, 25.0]))
+    other_units = replace(study, train_seen=(wild, *study.train_seen[1:]))
+    why = left_out([other_units], trained.config, full=True)
+    assert set(why) == {"sim_pretrained_context"}
+    assert "robot_wheel reaches 10 times" in why["sim_pretrained_context"]
+    degrees = replace(one, context=one.context + np.array([40.0, 0.0, 0.0]))
+    in_degrees = replace(study, calibrate_new=(degrees, *study.calibrate_new[1:]))
+    why = left_out([in_degrees], trained.config, full=True)
+    assert "yaw_rate_radps reaches 40" in why["sim_pretrained_context"]
+
+
+def test_labels_too_slow_or_too_holed_for_the_grid_are_said(trained, study):
+    slow = changed(study, rate_hz=0.5)
+    why = left_out([slow], trained.config, full=True)
+    assert set(why) == {"eb_nonlinear", *PRETRAINED}
+    assert "labels come at 0.5 Hz" in why["eb_nonlinear"]
+    assert left_out([changed(study, rate_hz=LEAST_RATE_HZ)], trained.config, full=True) == {}
+    # At 30 Hz every grid sample but each second lies between two steps, and needs both.
+    comb = np.arange(study.train_seen[0].steps) % 3 == 1
+    person = study.train_seen[0].person
+    holed = replace(
+        study,
+        train_seen=tuple(
+            replace(one, rate_hz=30.0, valid=comb) if one.person == person else one
+            for one in study.train_seen
+        ),
+    )
+    why = left_out([holed], trained.config, full=True)
+    assert set(why) == {"eb_nonlinear", *PRETRAINED}
+    assert f"{person!r} has no valid label" in why["sim_pretrained"]
+
+
+def test_one_training_rollout_leaves_no_ridge_to_choose(trained, study):
+    first = study.train_seen[0].rollout
+    one = replace(study, train_seen=tuple(s for s in study.train_seen if s.rollout == first))
+    assert set(left_out([study, one], trained.config, full=True)) == {
+        "shared_ridge",
+        "person_ridge",
+    }
+    people = list(dict.fromkeys(s.person for s in study.train_seen))
+    rollouts = list(dict.fromkeys(s.rollout for s in study.train_seen))
+    own = {person: rollouts[row % 2] for row, person in enumerate(people)}  # one each, of two
+    each = replace(
+        study, train_seen=tuple(s for s in study.train_seen if s.rollout == own[s.person])
+    )
+    assert set(left_out([each], trained.config, full=True)) == {"person_ridge"}
+
+
+def test_one_training_person_gives_no_prior(trained, study):
+    alone = study.train_seen[0].person
+    one = replace(study, train_seen=tuple(s for s in study.train_seen if s.person == alone))
+    assert set(left_out([study, one], trained.config, full=True)) == {"eb_nonlinear"}
 
 
 def test_identity_changes_nothing(study):

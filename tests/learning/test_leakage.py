@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from steerlab.learning import mapper as mapper_module
-from steerlab.learning.ladder import build_ladder
+from steerlab.learning.ladder import FULL_ONLY, build_ladder
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.splits import StudySplit, split_rollouts, split_study
 
@@ -50,11 +50,13 @@ def test_windows_of_held_out_rollouts_never_train_or_calibrate(marked, quick_con
 
 
 def test_held_out_labels_change_no_rung(study, marked, trained):
-    def silent(what: str, share: float) -> None:
+    def silent(share: float) -> None:
         pass
 
-    first = build_ladder(trained, study, seed=0, on_step=silent, full=False)
-    second = build_ladder(trained, marked, seed=0, on_step=silent, full=False)
+    first, second = (
+        build_ladder(trained, parts, seed=0, on_step=silent, without=FULL_ONLY)
+        for parts in (study, marked)
+    )
     for name, rung in first.items():
         for one in (study.held_out_seen[0], study.held_out_new[0]):
             np.testing.assert_array_equal(rung.map(one), second[name].map(one), err_msg=name)

@@ -30,31 +30,6 @@ def test_the_paper_sizes():
     assert widths == [64, 32, 8]
 
 
-def test_the_analytic_jacobian_is_the_derivative():
-    net, generator = network(), torch.Generator().manual_seed(1)
-    z = torch.randn(3, 10, 16, generator=generator)
-    w = torch.randn(3, 4, generator=generator)
-    value, jacobian = net.difference.with_jacobian(net.difference.of_encoding(z), w)
-    rows = w.repeat_interleave(10, dim=0).requires_grad_()
-    plain = net.difference(z.flatten(0, 1), rows)
-    (expected,) = torch.autograd.grad(plain.sum(), rows)
-    torch.testing.assert_close(value.flatten(), plain, atol=1e-6, rtol=1e-5)
-    torch.testing.assert_close(jacobian.flatten(0, 1), expected)
-
-
-def test_the_slope_of_the_inferred_mean_is_the_derivative():
-    net, generator = network(), torch.Generator().manual_seed(1)
-    z = torch.randn(30, 16, generator=generator)
-    difference = torch.randn(30, generator=generator).requires_grad_()
-    mean, slope = net.inference.mean_with_derivative(net.inference.of_encoding(z), difference)
-    expected, _ = net.inference(z, difference)
-    torch.testing.assert_close(mean, expected, atol=1e-6, rtol=1e-5)
-    for dimension in range(4):
-        column = expected[:, dimension].sum()
-        (by_difference,) = torch.autograd.grad(column, difference, retain_graph=True)
-        torch.testing.assert_close(slope[:, dimension], by_difference)
-
-
 def test_the_loss_has_the_parts_of_eq_2_and_reaches_w_through_both():
     net, generator = network(), torch.Generator().manual_seed(1)
     inputs, difference = torch.randn(8, 21, 2, generator=generator), torch.zeros(8)

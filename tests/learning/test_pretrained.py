@@ -159,9 +159,10 @@ def test_it_says_who_is_unknown_and_what_is_missing(tiny, study):
     with pytest.raises(InvalidLabels, match=one.person):
         mapper.calibrate([replace(one, valid=np.zeros(one.steps, dtype=bool))])
     context = SimPretrainedMapper(context=True, model=tiny, fine_tuning=None)
-    context.calibrate([one])
+    still = replace(one, context=np.empty((0, 0)), context_names=())
+    context.calibrate([still])
     with pytest.raises(InvalidLabels, match=r"yaw_rate_radps.*sim_pretrained"):
-        context.map(one)
+        context.map(still)
 
 
 def test_labels_only_ignores_the_motion(tiny, study, with_motion):

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from steerlab.learning.errors import InvalidLabels
-from steerlab.learning.mind_meld import NetworkConfig
-from steerlab.learning.training import TrainingConfig, torch_threads, train
+from steerlab.learning.mind_meld import MindMeld, NetworkConfig
+from steerlab.learning.training import TrainingConfig, mind_meld_loss, torch_threads, train
 from steerlab.learning.windows import WindowConfig, make_windows
 from steerlab.sim.errors import InvalidConfig
 
@@ -18,8 +18,8 @@ def _windows(study):
     return make_windows(study.train_seen[:12], WindowConfig())
 
 
-def trained_bits(windows, seed: int) -> list[torch.Tensor]:
-    result = train(windows, NetworkConfig(), SHORT, seed)
+def trained_bits(windows, seed: int, threads: int = 1) -> list[torch.Tensor]:
+    result = train(windows, NetworkConfig(), replace(SHORT, threads=threads), seed)
     return [result.embeddings, *result.network.state_dict().values()]
 
 
@@ -31,6 +31,63 @@ def test_same_seed_same_bits_and_no_global_state(windows):
     assert all(torch.equal(one, two) for one, two in zip(first, second, strict=True))
     assert not torch.equal(first[0], other[0])
     torch.random.set_rng_state(before)
+
+
+def test_the_number_of_threads_changes_no_bit(windows):
+    one, three = trained_bits(windows, 7), trained_bits(windows, 7, threads=3)
+    assert all(torch.equal(a, b) for a, b in zip(one, three, strict=True))
+
+
+@pytest.mark.parametrize("config", [SHORT, replace(SHORT, mirror=False, huber=None, cosine=False)])
+def test_training_is_the_plain_loop_over_the_definition(windows, config):
+    """The same draws, ``mind_meld_loss``, autograd and one Adam for all."""
+    config = replace(config, epochs=1)
+    generator = torch.Generator().manual_seed(0)
+    network = MindMeld(NetworkConfig(), generator)
+    people = len(windows.people)
+    count = people * (2 if config.mirror else 1)
+    embeddings = torch.randn(count, 4, generator=generator).requires_grad_()
+    rows = torch.nonzero(windows.valid).squeeze(1)
+    optimizer = torch.optim.Adam(
+        [
+            {"params": list(network.parameters()), "lr": config.rate},
+            {"params": [embeddings], "lr": config.rate * config.embedding_rate_factor},
+        ]
+    )
+    drawn = rows[torch.randperm(len(rows), generator=generator)]
+    batches = drawn[: round(config.share_per_epoch * len(rows))].split(config.batch_size)
+    initial = [group["lr"] for group in optimizer.param_groups]
+    losses = torch.zeros(2)
+    for number, batch in enumerate(batches):
+        mirrored = torch.zeros(len(batch), dtype=torch.bool)
+        if config.mirror:
+            mirrored = torch.rand(len(batch), generator=generator) < 0.5
+        inputs, sign = windows.inputs[batch].clone(), 1.0 - 2.0 * mirrored
+        inputs[:, :, 0] *= sign[:, None]
+        loss = mind_meld_loss(
+            network,
+            inputs,
+            sign * windows.difference[batch],
+            embeddings[windows.person[batch] + people * mirrored],
+            config.embedding_loss_weight,
+            generator,
+            config.huber,
+        )
+        factor = 0.5 * (1.0 + np.cos(np.pi * number / len(batches))) if config.cosine else 1.0
+        for group, rate in zip(optimizer.param_groups, initial, strict=True):
+            group["lr"] = rate * factor
+        optimizer.zero_grad()
+        loss.total.backward()
+        optimizer.step()
+        losses += torch.stack([loss.difference, loss.embedding]).detach()
+
+    found = train(windows, NetworkConfig(), config, 0)
+    assert found.history[0] == pytest.approx((losses / len(batches)).tolist(), rel=1e-4)
+    # Adam divides by the gradient's size, so where that is nearly 0 last bits become whole steps.
+    close = (found.embeddings - embeddings[:people]).abs() < 1e-3
+    assert close.float().mean() > 0.95
+    for ours, plain in zip(found.network.parameters(), network.parameters(), strict=True):
+        assert ((ours - plain).abs() < 1e-3).float().mean() > 0.95
 
 
 def test_threads_are_set_and_given_back():

@@ -1,0 +1,118 @@
+"""Which rungs cannot be judged on given labels, and why: it is said, never faked."""
+
+from collections.abc import Sequence
+from math import pi
+
+import numpy as np
+
+from steerlab.learning.empirical_bayes.grid import RATE_HZ, GridSeries
+from steerlab.learning.ladder.people import by_person
+from steerlab.learning.ladder.rungs import CEILING, FULL_ONLY
+from steerlab.learning.presets import PAPER, MapperConfig
+from steerlab.learning.series import CONTEXT, LabelSeries
+from steerlab.learning.splits import StudySplit
+from steerlab.sim.vehicle import WHEEL_LIMIT
+
+LEAST_RATE_HZ = 1.0
+"""Below it the window of ±1 s of the rungs on a 20 Hz grid holds no second label. Down to it they
+have been measured (docs/fit.md)."""
+
+_ON_GRID = ("eb_nonlinear", "sim_pretrained", "sim_pretrained_context")
+_MOST_RADPS = 2.0 * pi
+_SLACK = 1e-6  # as for labels: rounding
+
+
+def left_out(
+    studies: Sequence[StudySplit],
+    config: MapperConfig,
+    *,
+    full: bool,
+    styles_known: bool = False,
+) -> dict[str, str]:
+    """Rungs to leave out, by key, each with the reason as a clause; the same for all ``studies``.
+
+    Args:
+        studies: what will be fitted and judged, such as the folds of one table.
+        config: MIND MELD's.
+        full: whether rungs that train another network are wanted.
+        styles_known: whether there are true styles, and so a ceiling to speak of.
+    """
+    reasons: dict[str, str] = {}
+    if not full:
+        quick = "it trains a network of its own, which the quick ladder does without"
+        reasons |= {rung: quick for rung in FULL_ONLY if rung != CEILING or styles_known}
+    if config == PAPER:
+        reasons["mind_meld_paper"] = "mind_meld itself has the paper’s settings here"
+    series = _each_once(studies)
+    if why := _without_motion(series):
+        reasons["sim_pretrained_context"] = why
+    if any(len({one.person for one in study.train_seen}) < 2 for study in studies):
+        reasons["eb_nonlinear"] = "a prior over people takes two to train on, and there is 1"
+    for rung, whose in (("shared_ridge", ""), ("person_ridge", " by one person")):
+        if any(_rollouts(study, each=bool(whose)) < 2 for study in studies):
+            reasons[rung] = (
+                f"its penalty is chosen by leaving a rollout out, and there is only one{whose} to "
+                f"train on"
+            )
+    if why := _off_grid(studies, series):
+        reasons |= dict.fromkeys(_ON_GRID, why)
+    return reasons
+
+
+def _each_once(studies: Sequence[StudySplit]) -> list[LabelSeries]:
+    parts = ("train_seen", "held_out_seen", "calibrate_new", "held_out_new")
+    everything = (one for study in studies for part in parts for one in getattr(study, part))
+    return list({id(one): one for one in everything}.values())
+
+
+def _rollouts(study: StudySplit, *, each: bool) -> int:
+    """Rollouts to train on: of everyone together, or of whoever has most."""
+    usable = [one for one in study.train_seen if one.valid.any()]
+    groups = by_person(usable).values() if each else [usable]
+    return max((len({one.rollout for one in own}) for own in groups), default=0)
+
+
+def _without_motion(series: Sequence[LabelSeries]) -> str | None:
+    names = {one.context_names for one in series}
+    if missing := [name for name in CONTEXT if any(name not in has for has in names)]:
+        return f"it reads the car’s own motion, and the labels come without {', '.join(missing)}"
+    wheel = _largest(series, "robot_wheel")
+    if wheel > WHEEL_LIMIT * (1.0 + _SLACK):
+        return (
+            f"robot_wheel reaches {wheel / WHEEL_LIMIT:.3g} times the labels’ limit, so it is not "
+            f"in their units"
+        )
+    yaw_rate = _largest(series, "yaw_rate_radps")
+    if yaw_rate > _MOST_RADPS:
+        return (
+            f"yaw_rate_radps reaches {yaw_rate:.3g}, a turn a second and more: no car’s, in rad/s"
+        )
+    return None
+
+
+def _largest(series: Sequence[LabelSeries], name: str) -> float:
+    return max(float(np.abs(one.context[:, one.context_names.index(name)]).max()) for one in series)
+
+
+def _off_grid(studies: Sequence[StudySplit], series: Sequence[LabelSeries]) -> str | None:
+    """Why labels cannot be read at ``RATE_HZ``."""
+    slowest = min(one.rate_hz for one in series)
+    if slowest < LEAST_RATE_HZ:
+        return (
+            f"labels come at {slowest:g} Hz, and below {LEAST_RATE_HZ:g} Hz its window of ±1 s "
+            f"holds no second one"
+        )
+    whole = {id(one) for one in series if one.valid.all()}  # whoever has one needs no look
+    for study in studies:
+        for learned in (study.train_seen, study.calibrate_new):
+            for person, own in by_person(learned).items():
+                if not any(id(one) in whole or _on_grid(one) for one in own):
+                    return (
+                        f"it reads labels at {RATE_HZ:g} Hz, and {person!r} has no valid label at "
+                        f"such a moment"
+                    )
+    return None
+
+
+def _on_grid(series: LabelSeries) -> bool:
+    return bool(GridSeries.from_series(series).valid.any())

@@ -1,0 +1,40 @@
+"""Rollouts that tests of teachers and of mappers share."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from steerlab.sim.geometry import Pose2D
+from steerlab.sim.rollout import FloatArray, Outcome, Rollout
+from steerlab.sim.world import WorldSpec
+
+# How long an example takes is a matter of the machine, and of what else it does.
+settings.register_profile("steerlab", deadline=None)
+settings.load_profile("steerlab")
+
+
+def _flat_rollout(label: FloatArray, *, name: str = "one", control_hz: float = 20.0) -> Rollout:
+    steps = len(label)
+    return Rollout(
+        name=name,
+        world=WorldSpec(name="flat", ball_xy_m=(40.0, 0.0), start=Pose2D(0.0, 0.0, 0.0)),
+        control_hz=control_hz,
+        seed=0,
+        outcome=Outcome.TIME_LIMIT,
+        t_s=np.arange(steps) / control_hz,
+        pose=np.zeros((steps, 3)),
+        velocity=np.zeros((steps, 3)),
+        acceleration=np.zeros((steps, 2)),
+        robot_wheel=np.zeros(steps),
+        oracle_label=label,
+        oracle_valid=np.isfinite(label),
+        physics_state=np.zeros((steps, 1)),
+    )
+
+
+@pytest.fixture(scope="session")
+def make_rollout() -> Callable[..., Rollout]:
+    """``make_rollout(label, name=, control_hz=)``: these oracle labels, and a car that stands."""
+    return _flat_rollout
