@@ -1,0 +1,1 @@
+"""How a person departs from the oracle: over- or under-correcting, late or early (paper, Eq. 3)."""
