@@ -114,9 +114,7 @@ def sample_out_of_family(
 
 def _draw(family: OutOfFamilyKind, rng: np.random.Generator) -> Quirk:
     if family == "bang-bang":
-        return BangBang(
-            level=float(rng.uniform(0.8, 1.6)), threshold=float(rng.uniform(0.15, 0.4))
-        )
+        return BangBang(level=float(rng.uniform(0.8, 1.6)), threshold=float(rng.uniform(0.15, 0.4)))
     if family == "dither":
         return Dither(
             amplitude=float(rng.uniform(0.3, 0.8)), frequency_hz=float(rng.uniform(0.5, 1.5))

@@ -73,11 +73,11 @@ def read_responses(
     connection: StoreConnection, participant: str | None = None, phase: str | None = None
 ) -> list[Response]:
     """All answers ever given, by these if named, in order."""
-    rows = connection.read(
-        f"SELECT {_COLUMNS} FROM responses WHERE (?1 IS NULL OR participant = ?1) "
-        "AND (?2 IS NULL OR phase = ?2) ORDER BY id",
-        *(participant, phase),
-    )
+    named = {"participant": participant, "phase": phase}
+    given = {column: name for column, name in named.items() if name is not None}
+    where = " AND ".join(f"{column} = ?" for column in given) or "1"
+    query = f"SELECT {_COLUMNS} FROM responses WHERE {where} ORDER BY id"
+    rows = connection.read(query, *given.values())
     return [_response(row) for row in rows]
 
 

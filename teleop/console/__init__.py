@@ -1,0 +1,1 @@
+"""The experimenter's and the participants' pages, served on this machine alone."""

@@ -1,0 +1,103 @@
+"""What the experimenter sees."""
+
+import secrets
+from dataclasses import dataclass
+from typing import Any
+
+from starlette.responses import Response
+
+from steerlab.teleop.console import texts
+from steerlab.teleop.console.checkup import CheckupView
+from steerlab.teleop.console.forms import csrf_token
+from steerlab.teleop.console.next_steps import next_step, step_of
+from steerlab.teleop.console.rendering import page
+from steerlab.teleop.console.sign_in import Session
+from steerlab.teleop.console.wheel_run import WheelRuns
+from steerlab.teleop.study.contract import StudyAccess
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Bench:
+    """What a request of the experimenter's has at hand.
+
+    Attributes:
+        origin: what participants' links begin with.
+        version: of the study, as open pages know it.
+    """
+
+    study: StudyAccess
+    runs: WheelRuns
+    session: Session
+    origin: str
+    version: str
+
+
+def people_page(bench: Bench) -> Response:
+    """Everyone, with progress and what to do next."""
+    run = bench.runs.view()
+    people = [
+        {"view": view, "step": step_of(view), "next": next_step(view, run)}
+        for view in bench.study.participants()
+    ]
+    return page("people.html.j2", **_frame(bench, texts.PEOPLE), people=people, run=run)
+
+
+def person_page(
+    bench: Bench,
+    participant: str,
+    *,
+    link_key: str = "",
+    status: int = 200,
+    wrong: str = "",
+) -> Response:
+    """One participant.
+
+    Args:
+        link_key: names a new link that this page, and no other, shows.
+        wrong: why a withdrawal was not done.
+    """
+    view = bench.study.participant(participant)
+    run = bench.runs.view()
+    kept = bench.session.links.pop(link_key, None)
+    return page(
+        "person.html.j2",
+        status=status,
+        **_frame(bench, texts.PERSON_TITLE.format(id=view.id)),
+        view=view,
+        run=run,
+        next=next_step(view, run),
+        current=view.next_phase,
+        is_in=view.next_phase is not None,
+        step=step_of(view),
+        link=f"{bench.origin}/p/{kept}" if kept else "",
+        notes=bench.study.notes(participant),
+        findings=bench.study.findings(participant),
+        wrong=wrong,
+    )
+
+
+def checks_page(bench: Bench, checks: CheckupView) -> Response:
+    """Integrity and completeness of the whole study."""
+    return page(
+        "checks.html.j2",
+        **_frame(bench, texts.CHECKS_TITLE),
+        checks=checks,
+        bad=sum(not finding.ok for finding in checks.findings),
+    )
+
+
+def keep_link(bench: Bench, token: str) -> str:
+    """Put a new link aside for the one page that shows it; the name it is asked for by."""
+    key = secrets.token_urlsafe(16)
+    bench.session.links.clear()  # one that was never looked at is not kept
+    bench.session.links[key] = token
+    return key
+
+
+def _frame(bench: Bench, title: str) -> dict[str, Any]:
+    return {
+        "study": bench.study.title,
+        "title": title,
+        "csrf": csrf_token(bench.session.secret),
+        "version": bench.version,
+    }

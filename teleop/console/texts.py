@@ -1,0 +1,202 @@
+"""Every word that the console's pages say, in one place, so that it can be translated.
+
+What a study's own protocol and questionnaires say stands in those. ``{names}`` are filled in.
+"""
+
+from typing import Final
+
+LANGUAGE: Final = "en"
+
+# For participants: frame and way
+STEP_OF = "Step {step} of {steps}"
+ANSWERED_OF = "{answered} of {items} answered"
+PART_OF = "Part {part} of {parts}"
+SKIP = "Skip to the content"
+
+# Consent
+CONSENT_QUESTION = "Do you want to take part?"
+CONSENT_YES = "Yes, I agree to take part"
+CONSENT_NO = "No, I do not want to take part"
+CONSENT_VERSION = "Version {version} of this information"
+CONSENT_CHANGED = "This information has changed since you opened the page. Please read it again."
+
+# Questionnaires
+EVERY_QUESTION = "Please answer every question."
+MOST_QUESTIONS = "Please answer every question that is not marked as optional."
+OPTIONAL = "optional"
+PLEASE_ANSWER = "Please answer this question."
+MISSING_ONE = "One question still needs an answer:"
+MISSING_MANY = "{count} questions still need an answer:"
+QUESTION = "question {number}"
+WRONG_WHOLE = "Please enter a whole number from {low} to {high}."
+WRONG_NUMBER = "Please enter a number from {low} to {high}."
+WRONG_TEXT = "Please write at most {longest} characters of plain text."
+WRONG_CHOICE = "Please choose one of the answers."
+RANGE = "A number from {low} to {high}"
+LONGEST = "At most {longest} characters"
+NEXT = "Continue"
+BACK = "Back"
+FINISH = "Hand in"
+SAVING = "Saving …"
+SAVED = "All answers are saved."
+UNSAVED = "Not saved. Trying again; please leave this page open."
+CANNOT_SAVE = "This part is closed, or the page is out of date. Please reload it."
+
+# At the wheel
+WHEEL_TITLE = "Please turn to the wheel"
+WHEEL_NEXT = "Next comes: {title}."
+WHEEL_CALL = "Tell the experimenter that you are ready."
+WHEEL_RUNNING = "It is running. Follow what the screen at the wheel says."
+WHEEL_AFTER = "This page moves on by itself when you are done there."
+COMPUTER_TITLE = "One moment, please"
+COMPUTER_TEXT = "The computer prepares the next part. This page moves on by itself."
+CHECK_AGAIN = "Look again"
+LOST = "The connection is lost. This page tries to reach the computer again."
+ENDED = "This page does not follow the study any more. Reload it."
+
+# Ends
+THANKS_TITLE = "Thank you"
+THANKS_TEXT = "You have finished. Everything is saved; you may close this page."
+DECLINED_TITLE = "Thank you for considering it"
+DECLINED_TEXT = (
+    "You chose not to take part, and nothing more is asked of you. "
+    "Please tell the experimenter; you may close this page."
+)
+LEFT_TITLE = "You have left the study"
+LEFT_TEXT = "Nothing more is asked of you. You may close this page."
+
+# What went wrong
+EXPIRED_TITLE = "This link is not valid any more"
+EXPIRED_TEXT = (
+    "It has ended, was replaced by a newer one, or was not copied completely. If you are taking "
+    "part, ask the experimenter for a new link: you go on where you stopped."
+)
+TOO_MANY_TITLE = "Too many wrong links"
+TOO_MANY_TEXT = "Please wait {seconds} seconds and try again, or ask the experimenter."
+STALE_TITLE = "This page is out of date"
+STALE_TEXT = "Nothing was changed. Go back, reload the page and try again."
+REFUSED_TITLE = "This request was refused"
+REFUSED_ORIGIN = "It did not come from a page of this console. Nothing was changed."
+REFUSED_HOST = "This console answers to {hosts} only. Open it by that address."
+REFUSED_SIZE = "It holds more than a form of this console can. Nothing was changed."
+REFUSED_KIND = "Only a form of this console is read. Nothing was changed."
+NOT_FOUND_TITLE = "There is no such page"
+NOT_FOUND_TEXT = "Check the address, or ask the experimenter for a new link."
+ERROR_TITLE = "Something went wrong"
+ERROR_TEXT = (
+    "Answers given before are safe. Reload the page; if this comes again, tell the experimenter. "
+    "The terminal in which the console runs says more."
+)
+CANNOT_TITLE = "That cannot be done now"
+GO_ON = "Go on"
+
+# Experimenter: frame
+CONSOLE = "Experimenter’s console"
+PEOPLE = "Participants"
+CHECKS = "Checks"
+SIGN_OUT = "Sign out"
+SIGN_IN_TITLE = "This page is for the experimenter"
+SIGN_IN_LINK = (
+    "Open the sign-in link that the console printed in its terminal. "
+    "Each link works once; after that the terminal shows the next one."
+)
+SIGN_IN_PARTICIPANT = "Taking part in the study? Open the link that the experimenter gave you."
+SIGN_IN_USED = "That sign-in link was used before, or is not complete."
+PASSWORD = "Password"
+SIGN_IN = "Sign in"
+WRONG_PASSWORD = "That is not the password."
+
+# Experimenter: list
+NOBODY = "Nobody is enrolled yet. The first enrolment freezes the protocol."
+ENROL = "Enrol"
+ENROL_TRAINING = "Enrol a training participant"
+ENROL_TEST = "Enrol a test participant"
+ENROL_NOTE = "The program chooses the pseudonym and the order of the conditions."
+COLUMN_WHO = "Participant"
+COLUMN_STANDING = "Standing"
+COLUMN_STEP = "Step"
+COLUMN_NEXT = "What to do next"
+WRONG_ROLE = "The role is {role!r}; it must be {roles}."
+ROLE = {"training": "training", "test": "test"}
+STANDING = {
+    "enrolled": "enrolled",
+    "running": "under way",
+    "finished": "finished",
+    "declined": "declined",
+    "withdrawn, data kept": "withdrawn, data kept",
+    "withdrawn, data erased": "withdrawn, data erased",
+}
+LIVE = "Follows the study by itself."
+
+# Experimenter: what to do next
+NEXT_LINK = "Make a link, open it on the participant’s tablet and hand it over."
+NEXT_PAGE = "Nothing: “{title}” is on the participant’s page."
+NEXT_START = "Start “{title}” and ask the participant to the wheel."
+NEXT_RESUME = "Resume “{title}”: it was begun and is not finished."
+NEXT_RUNNING = "Nothing: “{title}” is running at the wheel."
+NEXT_COMPUTE = "Start “{title}”; the computer does it alone."
+NEXT_OTHER_RUNS = "Wait: {participant} is at the wheel."
+NEXT_FINISHED = "Nothing: finished."
+NEXT_DECLINED = "Nothing: declined to take part."
+NEXT_LEFT = "Nothing: withdrawn."
+
+# Experimenter: one participant
+PERSON_TITLE = "Participant {id}"
+KIND_OF = {"training": "Training participant", "test": "Test participant"}
+PERSON_NEXT = "What to do next"
+START = "Start “{title}”"
+RESUME = "Resume “{title}”"
+RUN_RUNNING = "“{title}” of {participant} runs since {since} UTC, process {pid}."
+RUN_DONE = "“{title}” of {participant} ended well."
+RUN_FAILED = "“{title}” of {participant} stopped with exit code {code}. Its last lines:"
+RUN_BUSY = (
+    "“{title}” of {participant} is running, process {pid}. Finish or stop it at the wheel first."
+)
+RUN_NOT_NEXT = "“{title}” is not what comes next for {participant}. Nothing was started."
+ERASING = "Erasing the data"
+LINK_TITLE = "Participant’s link"
+LINK_NONE = (
+    "A link is shown once, when it is made. A new one ends the older ones; "
+    "the participant goes on where they stopped."
+)
+LINK_MAKE = "Make a new link"
+LINK_SHOWN = "Open this on the participant’s tablet or in a second browser. It is shown only now."
+LINK_LABEL = "Link for {id}"
+COPY = "Copy"
+COPIED = "Copied"
+WAY_TITLE = "Way through the study"
+ORDER = "Order of the conditions: {order}"
+STATE = {"waiting": "to come", "started": "begun", "done": "done", "skipped": "left out"}
+NOW = "now"
+REDO = "Redo"
+REDO_TEXT = "“{title}” opens again. What was recorded stays in the study and no longer counts."
+REDO_DO = "Redo “{title}”"
+NOTES_TITLE = "Notes"
+NOTES_NONE = "No notes yet."
+NOTE_LABEL = "New note; no names or contacts"
+NOTE_SAVE = "Keep note"
+NOTE_LONG = "The note has {count} characters; keep it to {longest}, or make two of it."
+HEALTH_TITLE = "Device and timing"
+HEALTH_NONE = "Nothing was recorded at the wheel yet."
+WITHDRAW_TITLE = "Withdraw"
+WITHDRAW_TEXT = (
+    "For a participant who says that they want to leave. Closing a tab is not withdrawing."
+)
+WITHDRAW_WHAT = "What happens to the data?"
+WITHDRAW_KEEP = "Keep what was recorded so far"
+WITHDRAW_ERASE = "Erase it: answers, labels and recordings. This cannot be undone."
+WITHDRAW_TYPE = "Type {id} to confirm"
+WITHDRAW_DO = "Withdraw this participant"
+WITHDRAW_CHOOSE = "Choose what happens to the data: keep or erase."
+WITHDRAW_MISTYPED = "To confirm, type {id} exactly as it is shown. Nothing was changed."
+
+# Experimenter: checks
+CHECKS_TITLE = "Checks of the whole study"
+CHECKS_BUSY = "Checking now; this page follows by itself."
+CHECKS_AT = "Checked at {at} UTC."
+CHECKS_AGAIN = "Check again"
+CHECKS_WELL = "All {count} checks are well."
+CHECKS_BAD_ONE = "One of {count} checks needs you."
+CHECKS_BAD = "{bad} of {count} checks need you."
+WELL = "well"
+NEEDS_YOU = "needs you"

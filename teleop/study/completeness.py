@@ -1,0 +1,102 @@
+"""What is missing of a participant, and how it stands with their device and the loop's timing."""
+
+from collections.abc import Iterator
+
+from steerlab.analysis.surveys.questionnaire import InvalidAnswer
+from steerlab.sim.store_records import AttemptStatus
+from steerlab.teleop.study.contract import Finding, PhaseKind, PhaseState, Standing
+from steerlab.teleop.study.opened import OpenStudy
+from steerlab.teleop.study.pages import missing_answers
+from steerlab.teleop.study.progress import Progress, answers_of, finished_rollouts
+
+_LEFT = (Standing.DECLINED, Standing.WITHDRAWN_KEPT, Standing.WITHDRAWN_ERASED)
+
+
+def person_findings(study: OpenStudy, place: Progress) -> Iterator[Finding]:
+    """What is missing, out of range or flagged of one participant."""
+    view = place.view
+    if view.standing is Standing.WITHDRAWN_ERASED:
+        return
+    problems = [*_unfinished(place), *_missing(study, place)]
+    for found, mend in problems:
+        yield Finding(what=view.id, found=found, ok=False, mend=mend)
+    if skipped := [phase.id for phase, state in view.phases if state is PhaseState.SKIPPED]:
+        reasons = {place.acts[phase][-1].detail for phase in skipped}
+        found = f"skipped {', '.join(skipped)}: {'; '.join(sorted(reasons))}"
+        yield Finding(what=view.id, found=found, ok=True)
+    flagged = [
+        f"{attempt.rollout} ({', '.join(flag.name for flag in flags)})"
+        for attempt in finished_rollouts(study, place).values()
+        if (flags := study.store.flags(attempt))
+    ]
+    if flagged:
+        found = f"the computer could not keep time in {', '.join(flagged)}"
+        mend = "Let them redo the rollouts, or leave these out as the protocol says."
+        yield Finding(what=view.id, found=found, ok=False, mend=mend)
+    if not problems and not flagged:
+        yield Finding(what=view.id, found=f"{view.standing}, nothing missing", ok=True)
+
+
+def session_findings(study: OpenStudy, place: Progress) -> list[Finding]:
+    """Device and timing of a participant's last session, for the console."""
+    mine = [s for s in study.store.sessions().values() if s.participant == place.view.id]
+    if not mine:
+        return [Finding(what="Session", found="none yet", ok=True)]
+    last = mine[-1]
+    found = [
+        Finding(what="Device", found=f"{last.device_name} ({last.input_kind})", ok=True),
+        Finding(what="Force feedback", found=last.force_feedback, ok=True),
+    ]
+    kinds = sorted({session.input_kind for session in mine})
+    if len(kinds) > 1:
+        mend = "Redo what was done with the wrong one."
+        text = f"they steered with {', '.join(kinds)}"
+        found.append(Finding(what="Device", found=text, ok=False, mend=mend))
+    if last.screen_px is not None and last.input_latency_ms is not None:
+        width, height = last.screen_px
+        text = f"{width} x {height}, {last.display_hz:g} Hz, {last.input_latency_ms:.1f} ms latency"
+        found.append(Finding(what="Display", found=text, ok=True))
+    attempts = [
+        a
+        for a in study.store.attempts(AttemptStatus.FINISHED)
+        if a.participant == place.view.id and a.session == last.id
+    ]
+    flags = [flag for attempt in attempts for flag in study.store.flags(attempt)]
+    worst = sorted({flag.name for flag in flags})
+    text = f"{len(attempts)} attempts finished"
+    if flags:
+        text += f"; limits broken: {', '.join(worst)}"
+    mend = "Close other programs; see docs/running-a-study.md." if flags else ""
+    return [*found, Finding(what="Timing", found=text, ok=not flags, mend=mend)]
+
+
+def _unfinished(place: Progress) -> Iterator[tuple[str, str]]:
+    view = place.view
+    if view.standing in _LEFT or (phase := view.next_phase) is None:
+        return
+    left = sum(s not in (PhaseState.DONE, PhaseState.SKIPPED) for _, s in view.phases)
+    yield (
+        f"unfinished: {left} of {len(view.phases)} phases are left, the next is {phase.id}",
+        "Go on with them, or withdraw them.",
+    )
+
+
+def _missing(study: OpenStudy, place: Progress) -> Iterator[tuple[str, str]]:
+    """In phases that are marked as done, nothing may be missing."""
+    mend = "Open the phase again with study redo."
+    for phase, state in place.view.phases:
+        if state is not PhaseState.DONE:
+            continue
+        if missing := missing_answers(study, place, phase.id):
+            items = ", ".join(f"{key}.{item}" for key, them in missing.items() for item in them)
+            yield f"{phase.id} is done, but lacks answers: {items}", mend
+        for key, given in answers_of(study, place, phase.id).items():
+            for item, value in given.items():
+                try:
+                    study.questionnaires[key].check(item, value)
+                except InvalidAnswer as error:
+                    yield f"{phase.id}, {key}: {error}", mend
+        if phase.kind is PhaseKind.CALIBRATION:
+            lacking = set(place.protocol.rollouts) - set(finished_rollouts(study, place))
+            if lacking:
+                yield f"{phase.id} is done, but lacks {', '.join(sorted(lacking))}", mend

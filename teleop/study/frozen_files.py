@@ -1,0 +1,42 @@
+"""Are the network and the participants' w what was frozen? Reads no tensor, so it needs no torch."""
+
+from collections.abc import Iterator
+from hashlib import sha256
+
+from steerlab.sim.store_frozen import read_embeddings, read_models
+from steerlab.teleop.study.contract import Finding
+from steerlab.teleop.study.opened import OpenStudy
+
+MODELS = "models"
+
+
+def model_findings(study: OpenStudy) -> Iterator[Finding]:
+    """The network's file, and whether every w comes from it."""
+    models = read_models(study.store.connection)
+    in_use = [one for one in models if one.removed_utc is None]
+    mend = "Restore it from the last copy of the study."
+    for one in in_use:
+        path = study.folder / one.file
+        if not path.is_file():
+            yield Finding(what="Network", found=f"{path} is missing", ok=False, mend=mend)
+        elif sha256(path.read_bytes()).hexdigest() != one.sha256:
+            yield Finding(what="Network", found=f"{path} was changed", ok=False, mend=mend)
+        else:
+            found = f"{one.file} of {len(one.people)} people, as frozen"
+            yield Finding(what="Network", found=found, ok=True)
+    hashes = {one.sha256 for one in in_use}
+    for participant, mine in read_embeddings(study.store.connection).items():
+        if mine.model_sha256 not in hashes:
+            found = f"w of {participant} comes from a network that was removed"
+            mend = "Train enough participants, then withdraw again, which finds it anew."
+            yield Finding(what="Network", found=found, ok=False, mend=mend)
+        if mine.outside:
+            found = f"{participant} corrects unlike the training participants"
+            mend = "Look at their labels before trusting the mapped ones."
+            yield Finding(what="Network", found=found, ok=True, mend=mend)
+
+
+def people_in_use(study: OpenStudy) -> set[str]:
+    """Whose labels the network in use was trained on."""
+    models = read_models(study.store.connection)
+    return {person for one in models if one.removed_utc is None for person in one.people}

@@ -1,0 +1,211 @@
+"""The network that training participants teach, frozen; and each test participant's w from it."""
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+
+import pyarrow as pa
+
+from steerlab.learning.checkpoint import load_mapper, save_mapper
+from steerlab.learning.mapper import MindMeldMapper
+from steerlab.learning.presets import preset
+from steerlab.learning.series import LabelSeries, series_from_table
+from steerlab.sim.store_frozen import (
+    FrozenModel,
+    StoredEmbedding,
+    insert_embedding,
+    insert_model,
+    mark_model_removed,
+    read_embeddings,
+    read_models,
+)
+from steerlab.teleop.study.contract import PhaseKind, PhaseState, Role, Standing, StudyError
+from steerlab.teleop.study.frozen_files import MODELS
+from steerlab.teleop.study.opened import OpenStudy
+from steerlab.teleop.study.progress import Progress, everybody, finished_rollouts, progress_of
+
+ProgressBar = Callable[[str, float], None]
+
+
+def frozen_model(study: OpenStudy) -> FrozenModel | None:
+    """The network in use; None before training, and after its removal."""
+    in_use = [one for one in read_models(study.store.connection) if one.removed_utc is None]
+    return in_use[-1] if in_use else None
+
+
+def training_people(study: OpenStudy) -> list[Progress]:
+    """Training participants who finished, or who left their data after they had calibrated."""
+    found: list[Progress] = []
+    for place in everybody(study):
+        phase = place.of_kind(PhaseKind.CALIBRATION)
+        if (
+            place.view.role is Role.TRAINING
+            and place.view.standing in (Standing.FINISHED, Standing.WITHDRAWN_KEPT)
+            and phase is not None
+            and place.state(phase.id) is PhaseState.DONE
+        ):
+            found.append(place)
+    return found
+
+
+def train(study: OpenStudy, progress: ProgressBar) -> FrozenModel:
+    """Train the network on all who may be trained on, and freeze it.
+
+    Raises:
+        StudyError: there is a frozen one already, or too few people finished.
+    """
+    if (known := frozen_model(study)) is not None:
+        raise StudyError(
+            f"The network is frozen since {known.at_utc} ({known.file}); test participants are "
+            f"compared under one network, so it is not trained again."
+        )
+    plan, seed = study.current().mapper, study.current().seed
+    people = training_people(study)
+    if len(people) < plan.minimum_people:
+        raise StudyError(
+            f"{len(people)} training participants have finished; the protocol asks for "
+            f"{plan.minimum_people} (mapper.minimum_people) before the network is trained."
+        )
+    config = preset(plan.preset)
+    if plan.epochs is not None:
+        config = replace(config, training=replace(config.training, epochs=plan.epochs))
+    series = [one for place in people for one in _series(study, place)]
+    mapper = MindMeldMapper(
+        config, seed=seed, on_epoch=lambda done, all_: progress("training the network", done / all_)
+    )
+    mapper.fit(series)
+    names = [place.view.id for place in people]
+    inputs = _fingerprint(series)
+    part = study.folder / MODELS / ".training.part"
+    part.parent.mkdir(exist_ok=True)
+    save_mapper(mapper, part)
+    digest = sha256(part.read_bytes()).hexdigest()
+    file = f"{MODELS}/mind_meld-{digest[:12]}.safetensors"
+    _put(part, study.folder / file)
+    with study.store.connection.transaction("freeze the network", durable=True):
+        insert_model(study.store.connection, file=file, sha256=digest, people=names, inputs=inputs)
+    frozen = frozen_model(study)
+    assert frozen is not None
+    return frozen
+
+
+def load_frozen(study: OpenStudy, model: FrozenModel) -> MindMeldMapper:
+    """The network, if its file is what was frozen.
+
+    Raises:
+        StudyError: the file is missing or was changed.
+    """
+    path = study.folder / model.file
+    found = sha256(path.read_bytes()).hexdigest() if path.is_file() else "missing"
+    if found != model.sha256:
+        raise StudyError(
+            f"{path} is not the network that was frozen: its sha256 is {found}, it was "
+            f"{model.sha256}. Restore it from the last copy of the study."
+        )
+    return load_mapper(path)
+
+
+def calibrate_participant(
+    study: OpenStudy, participant: str, progress: ProgressBar
+) -> StoredEmbedding:
+    """Find a test participant's w, the network frozen, and keep it; trains the network if need be.
+
+    Raises:
+        StudyError: the participant has not finished calibration, or no network can be trained.
+    """
+    model = frozen_model(study) or train(study, progress)
+    place = progress_of(study, participant)
+    missing = set(place.protocol.rollouts) - set(finished_rollouts(study, place))
+    if missing:
+        raise StudyError(
+            f"{participant} has not corrected {', '.join(sorted(missing))} yet; finish that first."
+        )
+    mapper = load_frozen(study, model)
+    series = _series(study, place)
+    mapper.calibrate(series)
+    found = mapper.calibration(participant)
+    kept = StoredEmbedding(
+        participant=participant,
+        model_sha256=model.sha256,
+        w=found.embedding,
+        covariance=found.covariance,
+        distance=found.distance,
+        outside=found.outside,
+        inputs=_fingerprint(series),
+    )
+    path = person_file(study, model, participant)
+    part = path.with_name(f".{path.name}.part")
+    save_mapper(mapper, part)
+    _put(part, path)
+    with study.store.connection.transaction(f"keep w of {participant!r}", durable=True):
+        insert_embedding(study.store.connection, kept)
+    return kept
+
+
+def person_file(study: OpenStudy, model: FrozenModel, participant: str) -> Path:
+    """The network together with one test participant's w, for whoever maps their labels."""
+    base = study.folder / model.file
+    return base.with_name(f"{base.stem}-{participant}.safetensors")
+
+
+def remove_models_of(study: OpenStudy, participant: str) -> None:
+    """Remove the network that the participant's labels went into, and every w from it."""
+    for model in read_models(study.store.connection):
+        if participant in model.people and model.removed_utc is None:
+            stem = Path(model.file).stem
+            for path in (study.folder / MODELS).glob(f"{stem}*.safetensors"):
+                path.unlink()
+            with study.store.connection.transaction("remove the network", durable=True):
+                mark_model_removed(study.store.connection, model, f"{participant} was erased")
+    (study.folder / MODELS / ".training.part").unlink(missing_ok=True)
+
+
+def renew(study: OpenStudy, progress: ProgressBar) -> None:
+    """After a removal: train anew if enough people are left, and find each w under the new network.
+
+    Doing it again changes nothing.
+    """
+    if not read_models(study.store.connection):
+        return
+    if frozen_model(study) is None:
+        if len(training_people(study)) < study.current().mapper.minimum_people:
+            return
+        train(study, progress)
+    model = frozen_model(study)
+    assert model is not None
+    known = read_embeddings(study.store.connection)
+    for place in everybody(study):
+        mine = known.get(place.view.id)
+        if mine is not None and mine.model_sha256 != model.sha256:
+            calibrate_participant(study, place.view.id, progress)
+
+
+def _series(study: OpenStudy, place: Progress) -> list[LabelSeries]:
+    """A participant's labels of the attempts that count."""
+    attempts = finished_rollouts(study, place)
+    tables = [study.store.steps(attempts[name]) for name in sorted(attempts)]
+    return series_from_table(pa.concat_tables(tables)) if tables else []
+
+
+def _fingerprint(series: Sequence[LabelSeries]) -> str:
+    """Hash of labels and truth, to the bit."""
+    digest = sha256()
+    for one in series:
+        digest.update(f"{one.person}\0{one.rollout}\0{one.steps}\0".encode())
+        for values in (one.label, one.truth):
+            digest.update(values.tobytes())
+    return digest.hexdigest()
+
+
+def _put(part: Path, path: Path) -> None:
+    """Give a file its name once the disk has all of it."""
+    with part.open("rb") as file:
+        os.fsync(file.fileno())
+    part.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)

@@ -1,0 +1,178 @@
+"""Where a participant stands, worked out from what is on record: so a crash loses no place."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from steerlab.sim.store_answers import Response, Value, read_responses
+from steerlab.sim.store_people import (
+    Departure,
+    Enrolment,
+    PhaseAct,
+    PhaseEvent,
+    read_consents,
+    read_departures,
+    read_enrolments,
+    read_phase_events,
+)
+from steerlab.sim.store_records import Attempt, AttemptStatus
+from steerlab.teleop.study.contract import (
+    ParticipantView,
+    Phase,
+    PhaseKind,
+    PhaseState,
+    Role,
+    Standing,
+    StudyError,
+)
+from steerlab.teleop.study.opened import OpenStudy
+from steerlab.teleop.study.protocol import StudyProtocol
+from steerlab.teleop.study.way import way_of
+
+_STATES = {
+    PhaseAct.STARTED: PhaseState.STARTED,
+    PhaseAct.DONE: PhaseState.DONE,
+    PhaseAct.SKIPPED: PhaseState.SKIPPED,
+    PhaseAct.REOPENED: PhaseState.WAITING,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """A participant's place, and what belongs to it.
+
+    Attributes:
+        acts: on each phase, in order.
+    """
+
+    view: ParticipantView
+    protocol: StudyProtocol
+    acts: Mapping[str, tuple[PhaseEvent, ...]]
+
+    def state(self, phase: str) -> PhaseState:
+        """How far a phase of theirs got."""
+        return next(state for one, state in self.view.phases if one.id == phase)
+
+    def phase(self, phase: str) -> Phase:
+        """The phase of that id.
+
+        Raises:
+            StudyError: it is none of theirs.
+        """
+        found = next((one for one, _ in self.view.phases if one.id == phase), None)
+        if found is None:
+            known = ", ".join(one.id for one, _ in self.view.phases)
+            raise StudyError(f"{self.view.id} has no phase {phase!r}; they have {known}.")
+        return found
+
+    def of_kind(self, kind: PhaseKind) -> Phase | None:
+        """The first phase of that kind."""
+        return next((one for one, _ in self.view.phases if one.kind is kind), None)
+
+    def round(self, phase: str) -> int:
+        """How often a phase was reopened."""
+        return sum(act.act is PhaseAct.REOPENED for act in self.acts.get(phase, ()))
+
+    def first_attempt(self, phase: str) -> int:
+        """Attempts at rollouts count from this one on."""
+        reopened = [a for a in self.acts.get(phase, ()) if a.act is PhaseAct.REOPENED]
+        return reopened[-1].first_attempt if reopened else 0
+
+
+def progress_of(study: OpenStudy, participant: str) -> Progress:
+    """A participant's place.
+
+    Raises:
+        StudyError: nobody is enrolled under that name.
+    """
+    enrolled = read_enrolments(study.store.connection)
+    for enrolment in enrolled:
+        if enrolment.participant == participant:
+            return _progress(study, enrolment)
+    known = ", ".join(one.participant for one in enrolled) or "nobody"
+    raise StudyError(f"{participant!r} is not enrolled; enrolled are: {known}.")
+
+
+def everybody(study: OpenStudy) -> list[Progress]:
+    """Everyone's place, in the order in which they were enrolled."""
+    return [_progress(study, one) for one in read_enrolments(study.store.connection)]
+
+
+def finished_rollouts(study: OpenStudy, place: Progress) -> dict[str, Attempt]:
+    """The attempt that counts at each calibration rollout that the participant finished."""
+    phase = place.of_kind(PhaseKind.CALIBRATION)
+    if phase is None:
+        return {}
+    first = place.first_attempt(phase.id)
+    return {
+        attempt.rollout: attempt  # the last one stays
+        for attempt in study.store.attempts(AttemptStatus.FINISHED)
+        if attempt.participant == place.view.id
+        and attempt.order_index >= first
+        and attempt.rollout in place.protocol.rollouts
+    }
+
+
+def answers_of(study: OpenStudy, place: Progress, phase: str) -> dict[str, dict[str, Value]]:
+    """What counts of the answers in a phase, by questionnaire and item."""
+    found: dict[str, dict[str, Response]] = {}
+    for one in read_responses(study.store.connection, place.view.id, phase):
+        if one.round == place.round(phase):
+            found.setdefault(one.questionnaire, {})[one.item] = one
+    return {
+        key: {item: one.value for item, one in items.items() if one.value is not None}
+        for key, items in found.items()
+    }
+
+
+def _progress(study: OpenStudy, enrolment: Enrolment) -> Progress:
+    protocol = study.protocol_of(enrolment.protocol_version)
+    role, participant = Role(enrolment.role), enrolment.participant
+    acts: dict[str, list[PhaseEvent]] = {}
+    for act in read_phase_events(study.store.connection, participant):
+        acts.setdefault(act.phase, []).append(act)
+    phases = tuple(
+        (phase, _STATES[acts[phase.id][-1].act] if phase.id in acts else PhaseState.WAITING)
+        for phase in way_of(protocol, role, enrolment.order)
+    )
+    place = Progress(
+        view=ParticipantView(
+            id=participant,
+            role=role,
+            standing=_standing(study, participant, [state for _, state in phases]),
+            order=enrolment.order,
+            phases=phases,
+            protocol_version=enrolment.protocol_version,
+        ),
+        protocol=protocol,
+        acts={phase: tuple(them) for phase, them in acts.items()},
+    )
+    return replace(place, view=replace(place.view, progress=_words(study, place)))
+
+
+def _standing(study: OpenStudy, participant: str, states: list[PhaseState]) -> Standing:
+    connection = study.store.connection
+    left = read_departures(connection).get(participant)
+    if left is not None:
+        kept = left is Departure.KEPT
+        return Standing.WITHDRAWN_KEPT if kept else Standing.WITHDRAWN_ERASED
+    if read_consents(connection).get(participant) is False:
+        return Standing.DECLINED
+    if all(state in (PhaseState.DONE, PhaseState.SKIPPED) for state in states):
+        return Standing.FINISHED
+    if all(state is PhaseState.WAITING for state in states):
+        return Standing.ENROLLED
+    return Standing.RUNNING
+
+
+def _words(study: OpenStudy, place: Progress) -> str:
+    """How far the phase got that is under way."""
+    phase = place.view.next_phase
+    if phase is None or place.state(phase.id) is not PhaseState.STARTED:
+        return ""
+    if phase.kind is PhaseKind.CALIBRATION:
+        return f"{len(finished_rollouts(study, place))} of {len(place.protocol.rollouts)} rollouts"
+    if phase.kind is PhaseKind.QUESTIONNAIRES:
+        asked = sum(len(study.questionnaires[key].items) for key in phase.questionnaires)
+        given = sum(map(len, answers_of(study, place, phase.id).values()))
+        return f"{given} of {asked} answers"
+    return ""

@@ -1,0 +1,57 @@
+"""The hook for learners: what a teaching phase asks of whoever can do one."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from steerlab.teleop.devices.contract import Device
+from steerlab.teleop.folder_lock import FolderLock
+from steerlab.teleop.study.contract import Phase
+from steerlab.teleop.study.protocol import StudyProtocol
+
+UNAVAILABLE = "not available in this version"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TeachRequest:
+    """One participant teaches under one condition.
+
+    Attributes:
+        mapper: the network with the participant's w; only for conditions that map labels.
+        device: a specification, or a script's device itself.
+        lock: the study's, which the caller holds; a recorder takes it over.
+    """
+
+    folder: Path
+    participant: str
+    phase: Phase
+    protocol: StudyProtocol
+    mapper: Path
+    device: str | Device
+    lock: FolderLock
+    progress: Callable[[str, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Taught:
+    """How it ended; ``detail`` is kept with the phase."""
+
+    finished: bool
+    detail: str
+
+
+class Teaching(Protocol):
+    """Lets people teach under a condition; resumes where an earlier call was stopped."""
+
+    def teach(self, request: TeachRequest) -> Taught:
+        """Teach, and keep what was taught, durable when this returns.
+
+        Raises:
+            SteerlabError: device, display or study cannot be used; what is finished stays.
+        """
+        ...
+
+
+Teachings = Mapping[str, Teaching]
+"""What there is, by condition; a phase of any other condition is skipped, on record."""

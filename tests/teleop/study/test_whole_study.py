@@ -1,0 +1,116 @@
+"""A complete study with scripted participants, by the command line alone."""
+
+import json
+
+import numpy as np
+import pytest
+
+from steerlab.sim.store_frozen import read_embeddings
+from steerlab.teleop.cli import main
+from steerlab.teleop.study.contract import Role, StudyError
+from steerlab.teleop.study.scripted import ScriptedParticipant
+from steerlab.teleop.study.study import Study
+
+
+def steerlab(capsys, *arguments: object, code: int = 0) -> str:
+    found = main(["study", *map(str, arguments)])
+    said = capsys.readouterr()
+    assert found == code, said
+    return said.out + said.err
+
+
+@pytest.mark.slow
+def test_four_training_and_two_test_participants(folder, capsys, change):
+    change(folder, ("minimum_people = 2 ", "minimum_people = 4 "))
+    for seed in range(4):
+        said = steerlab(
+            capsys, "run", folder, "--teacher", f"scripted:human:{seed}", "--no-recordings"
+        )
+        assert f"T00{seed + 1} has nothing left to do." in said
+    for seed in (7, 8):
+        said = steerlab(
+            *(capsys, "run", folder, "--teacher", f"scripted:human:{seed}", "--role", "test"),
+            "--no-recordings",
+        )
+        assert said.count("is not available in this version") == 3
+        assert "w from network" in said
+    status = json.loads(steerlab(capsys, "status", folder, "--json"))
+    assert [one["id"] for one in status] == ["T001", "T002", "T003", "T004", "P001", "P002"]
+    assert {one["standing"] for one in status} == {"finished"}
+    assert status[4]["order"] != status[5]["order"]
+    assert status[4]["phases"]["teach-1"] == "skipped"
+    verified = json.loads(steerlab(capsys, "verify", folder, "--json"))
+    assert all(one["ok"] for one in verified["findings"])
+    with Study.open(folder, read_only=True) as study:
+        found = read_embeddings(study._opened.store.connection)
+        assert set(found) == {"P001", "P002"}
+        assert all(
+            np.isfinite(one.w).all() and np.isfinite(one.covariance).all() for one in found.values()
+        )
+        labels = study._opened.store.read_labels()
+        assert len(set(labels.column("participant").to_pylist())) == 6
+    steerlab(capsys, "withdraw", folder, "P002", "--erase")
+    steerlab(capsys, "withdraw", folder, "T004", "--keep")
+    said = steerlab(capsys, "verify", folder, "--expect-head", verified["head"])
+    assert "BAD" not in said
+
+
+def test_the_verbs_of_a_study(tmp_path, capsys):
+    folder = tmp_path / "s"
+    assert "Made" in steerlab(capsys, "new", folder)
+    assert "exists already" in steerlab(capsys, "new", folder, code=2)
+    assert "Nobody is enrolled" in steerlab(capsys, "status", folder)
+    assert "T001, training" in steerlab(capsys, "enrol", folder, "--role", "training")
+    enrolled = json.loads(steerlab(capsys, "enrol", folder, "--role", "test", "--json"))
+    assert enrolled["next"] == "consent"
+    assert len(enrolled["order"]) == 3
+    said = steerlab(capsys, "run", folder, "--participant", "T001")
+    assert "T001 is at consent" in said
+    assert "T001 is at consent" in steerlab(capsys, "resume", folder, "T001")
+    assert "is not over yet" in steerlab(capsys, "redo", folder, "T001", "about-you", code=2)
+    assert "finished; the protocol asks for" in steerlab(capsys, "train", folder, code=2)
+    steerlab(capsys, "note", folder, "--text", "moved the table")
+    assert "unfinished" in steerlab(capsys, "verify", folder, code=1)
+    assert "as version 1 has it" in steerlab(capsys, "amend", folder, "--why", "x", code=2)
+    assert "either --keep or --erase" in steerlab(capsys, "withdraw", folder, "T001", code=2)
+    assert "their data are erased" in steerlab(capsys, "withdraw", folder, "T001", "--erase")
+    assert "Who runs?" in steerlab(capsys, "run", folder, code=2)
+    said = steerlab(capsys, "run", folder, "--participant", "P001", "--plant", "a.b:gain:1", code=2)
+    assert "give --teacher as well" in said
+    assert "There is no study in" in steerlab(capsys, "status", tmp_path, code=2)
+
+
+@pytest.mark.parametrize(
+    ("spec", "plants", "said"),
+    [
+        ("scripted:human", [], "scripted:KIND:SEED"),
+        ("scripted:robot:3", [], "a KIND of paper, low, human, high"),
+        ("scripted:human:-3", [], "give a number from 0"),
+        ("scripted:human:3", ["mini_ipip_5.extraversion"], "QUESTIONNAIRE.SCALE:STYLE:R"),
+        ("scripted:human:3", ["mini_ipip_5.extraversion:gain:much"], "QUESTIONNAIRE.SCALE"),
+    ],
+)
+def test_a_script_that_is_none_is_refused(spec, plants, said):
+    with pytest.raises(StudyError, match=said):
+        ScriptedParticipant.parse(spec, plants)
+
+
+def test_a_planted_effect_shows_in_the_answers(study, folder, change):
+    """Over scripted people, over-correctors score higher on a scale tied to the gain."""
+    from scipy.stats import spearmanr
+
+    from steerlab.analysis.surveys.scoring import score
+    from steerlab.teleop.study.progress import progress_of
+
+    gains, scores = [], []
+    asked = study.questionnaire("fluency")
+    for seed in range(24):
+        script = ScriptedParticipant.parse(f"scripted:human:{seed}", ["fluency.fluency:gain:0.9"])
+        who = study.enrol(Role.TRAINING).id
+        for _ in range(2):
+            place = progress_of(study._opened, who)
+            script.fill(study._opened, place, place.view.next_phase)
+        gains.append(script.teacher.style.gain)
+        given = study.answers(who, "about-you", "fluency")
+        scores.append(float(score(asked, given)["fluency"].score))
+    assert spearmanr(gains, scores).statistic > 0.5

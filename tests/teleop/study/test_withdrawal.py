@@ -1,0 +1,192 @@
+"""Leaving: data kept, or erased without a trace in database, log, recordings and models."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from steerlab.learning.checkpoint import load_mapper
+from steerlab.sim.store_erasure import scrub
+from steerlab.sim.store_frozen import read_embeddings
+from steerlab.sim.store_schema import StoreError
+from steerlab.teleop.folder_lock import RUN_LOCK, LockedOut, locked
+from steerlab.teleop.study import withdrawal
+from steerlab.teleop.study.contract import Role, Standing, StudyError
+from steerlab.teleop.study.models import frozen_model
+from steerlab.teleop.study.study import Study
+
+SECRET = "Quokka-of-Rottnest"
+
+
+def everything(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def traces(folder: Path, marks: list[bytes]) -> list[tuple[str, int]]:
+    return [
+        (name, number)
+        for name, raw in everything(folder).items()
+        for number, mark in enumerate(marks)
+        if mark in raw
+    ]
+
+
+def labels_of(study: Study, who: str) -> np.ndarray:
+    table = study._opened.store.read_labels()
+    mine = [row for row in table.to_pylist() if row["participant"] == who]
+    return np.array([row["teacher_label"] for row in mine])
+
+
+@pytest.fixture
+def full(study, folder, run_scripted):
+    """Three training participants and one test participant, with recordings and a secret."""
+    for seed in (1, 2, 3):
+        run_scripted(study, Role.TRAINING, seed)
+    run_scripted(study, Role.TEST, 4)
+    recordings = folder / "recordings"
+    recordings.mkdir(exist_ok=True)
+    for who in ("T001", "T002", "P001"):
+        (recordings / f"{who}-calibration-05-0.rrd").write_bytes(b"drive of " + who.encode())
+        study.note(who, f"{SECRET} {who}")
+    return study
+
+
+def test_keeping_keeps_everything(full, folder):
+    before = {name: raw for name, raw in everything(folder).items() if "study.db" not in name}
+    full.withdraw("T002", erase=False)
+    full.withdraw("T002", erase=False)  # again
+    view = full.participant("T002")
+    assert view.standing is Standing.WITHDRAWN_KEPT
+    assert view.next_phase is None
+    after = {name: raw for name, raw in everything(folder).items() if "study.db" not in name}
+    assert after == before
+    assert len(labels_of(full, "T002")) > 0
+    with pytest.raises(StudyError, match="has left"):
+        full.redo("T002", "about-you")
+
+
+def test_erasing_leaves_no_trace_but_a_tombstone(full, folder):
+    connection = full._opened.store.connection
+    labels = labels_of(full, "T001")
+    numbers = [struct.pack(">d", value) for value in labels[[7, 40, -1]]]  # as SQLite stores them
+    w = load_mapper(folder / frozen_model(full._opened).file).embedding("T001").astype("float32")
+    marks = [f"{SECRET} T001".encode(), b"drive of T001", w.tobytes(), *numbers]
+    nonces = connection.read("SELECT nonce FROM responses WHERE participant = 'T001' LIMIT 3")
+    marks += [nonce.encode() for (nonce,) in nonces]
+    assert {number for _, number in traces(folder, marks)} == set(range(len(marks)))
+    old = frozen_model(full._opened)
+
+    full.withdraw("T001", erase=True)
+
+    assert traces(folder, marks) == []
+    assert full.participant("T001").standing is Standing.WITHDRAWN_ERASED
+    assert [view.id for view in full.participants()] == ["T001", "T002", "T003", "P001"]
+    for table in ("responses", "notes", "consents", "sessions", "attempts", "steps", "links"):
+        query = f"SELECT count(*) FROM {table} WHERE participant = 'T001'"
+        assert connection.read(query) == [(0,)], table
+    others = b"".join(everything(folder).values())
+    assert f"{SECRET} T002".encode() in others
+    new = frozen_model(full._opened)
+    assert new.sha256 != old.sha256
+    assert new.people == ("T002", "T003")
+    assert not (folder / old.file).exists()
+    assert load_mapper(folder / new.file).people == ("T002", "T003")
+    assert read_embeddings(connection)["P001"].model_sha256 == new.sha256
+    verified = full.verify()
+    assert verified.ok, [one for one in verified.findings if not one.ok]
+    withdrawn = [e.detail for e in full._opened.store.audit() if e.act == "withdrawn"]
+    assert withdrawn == ["T001: erasing", "T001: erased"]
+    count = full.change_count()
+    full.withdraw("T001", erase=True)  # again
+    assert full.change_count() == count
+    with pytest.raises(StudyError, match="erased; they cannot be kept"):
+        full.withdraw("T001", erase=False)
+    with pytest.raises(StudyError, match="nothing about them is kept"):
+        full.note("T001", "x")
+
+
+def test_without_enough_people_the_network_is_removed(full, folder, run_scripted):
+    full.withdraw("T001", erase=True)
+    full.withdraw("T002", erase=True)
+    assert frozen_model(full._opened) is None
+    assert list((folder / "models").iterdir()) == []
+    assert any("network that was removed" in one.found for one in full.verify().findings)
+    run_scripted(full, Role.TRAINING, 7)
+    run_scripted(full, Role.TEST, 8)  # trains anew
+    assert frozen_model(full._opened).people == ("T003", "T004")
+
+
+def test_erasing_a_test_participant_leaves_the_network(full, folder):
+    before = frozen_model(full._opened)
+    full.withdraw("P001", erase=True)
+    assert frozen_model(full._opened) == before
+    assert [path.name for path in (folder / "models").iterdir()] == [Path(before.file).name]
+    assert read_embeddings(full._opened.store.connection) == {}
+
+
+def test_who_kept_their_data_may_erase_them_later(full):
+    full.withdraw("T002", erase=False)
+    full.withdraw("T002", erase=True)
+    assert full.participant("T002").standing is Standing.WITHDRAWN_ERASED
+    assert len(labels_of(full, "T002")) == 0
+
+
+@pytest.mark.parametrize("cut_off", ["remove_models_of", "scrub", "renew"])
+def test_an_erasure_that_was_cut_off_is_told_and_finished_by_saying_it_again(
+    full, folder, monkeypatch, cut_off
+):
+    def crash(*arguments):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(withdrawal, cut_off, crash)
+        with pytest.raises(KeyboardInterrupt):
+            full.withdraw("T001", erase=True)
+    bad = [one for one in full.verify().findings if not one.ok]
+    assert any("erasure of T001 is not finished" in one.found for one in bad)
+    full.withdraw("T001", erase=True)
+    assert full.verify().ok
+    assert traces(folder, [f"{SECRET} T001".encode(), b"drive of T001"]) == []
+
+
+def test_a_reader_that_holds_the_old_pages_is_told(study, folder, at_about_you, monkeypatch):
+    from steerlab.sim import store_schema
+
+    monkeypatch.setattr(store_schema, "BUSY_TIMEOUT_S", 0.05)
+    study.close()
+    with Study.open(folder) as study:
+        study.note(at_about_you, SECRET)
+        reader = store_schema.connect(folder / "study.db", read_only=True)
+        reader.execute("BEGIN")
+        reader.execute("SELECT count(*) FROM notes").fetchone()
+        with pytest.raises(StoreError, match="traces of what was erased remain"):
+            study.withdraw(at_about_you, erase=True)
+        reader.close()
+        study.withdraw(at_about_you, erase=True)
+    assert traces(folder, [SECRET.encode()]) == []
+
+
+def test_nobody_is_withdrawn_while_someone_sits_at_the_wheel(study, folder, at_about_you):
+    with locked(folder, RUN_LOCK, "runs"), pytest.raises(LockedOut, match="process"):
+        study.withdraw(at_about_you, erase=True)
+    assert study.participant(at_about_you).standing is Standing.RUNNING
+
+
+def test_rows_are_deleted_only_by_erasing(full):
+    connection = full._opened.store.connection.sqlite
+    import sqlite3
+
+    for table in ("responses", "consents", "notes", "sessions", "embeddings", "enrolments"):
+        with pytest.raises(sqlite3.IntegrityError, match="deleted"):
+            connection.execute(f"DELETE FROM {table}")
+    for table in ("responses", "consents", "notes", "protocols", "enrolments", "embeddings"):
+        column = "participant" if table != "protocols" else "text"
+        with pytest.raises(sqlite3.IntegrityError, match="never changed"):
+            connection.execute(f"UPDATE {table} SET {column} = 'x'")
+    scrub(full._opened.store.connection)
+    assert full.verify().ok
