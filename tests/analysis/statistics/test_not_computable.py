@@ -6,7 +6,7 @@ from math import isnan
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steerlab.analysis.statistics.assumptions import score_test, shapiro_wilk
@@ -174,6 +174,7 @@ def _finite(found) -> bool:
     return True
 
 
+@settings(max_examples=30)
 @given(x=VALUES, y=VALUES)
 def test_no_answers_give_nan(x, y):
     """Few people and four answers: constants, ties and lines of every kind."""
