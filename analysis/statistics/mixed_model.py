@@ -36,12 +36,22 @@ class Coefficient:
     interval: Interval
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+class WaldF(NamedTuple):
+    """A joint test of several coefficients: ``f`` with its degrees of freedom."""
+
+    f: float
+    between: int
+    within: int
+    p: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class MixedModel:
     """Fixed effects beside a random intercept of each person, fitted by REML.
 
     Attributes:
         coefficients: in the order of the columns, the intercept first.
+        covariance: of their estimates, (coefficients, coefficients).
         person_sd: how people differ; 0 where the data show no more than chance.
         residual_sd: what is left.
     """
@@ -53,8 +63,8 @@ class MixedModel:
     people: int
     rows: int
 
-    def joint_test(self, names: Sequence[str]) -> tuple[float, int, int, float]:
-        """Wald's F that the named coefficients are all 0: F, its degrees of freedom, and p.
+    def joint_test(self, names: Sequence[str]) -> WaldF:
+        """Wald's F that the named coefficients are all 0.
 
         Raises:
             InvalidConfig: a name is unknown.
@@ -67,7 +77,8 @@ class MixedModel:
         statistic = float(estimate @ np.linalg.solve(self.covariance[np.ix_(at, at)], estimate))
         statistic /= len(at)
         freedom = self.coefficients[at[0]].freedom
-        return statistic, len(at), freedom, float(f.sf(statistic, len(at), freedom))
+        p = float(f.sf(statistic, len(at), freedom))
+        return WaldF(f=statistic, between=len(at), within=freedom, p=p)
 
 
 class _Fit(NamedTuple):

@@ -42,7 +42,8 @@ def checked(name: str, values: FloatArray, dimensions: int = 1) -> FloatArray:
         InvalidConfig: another number of dimensions, or a value that is not finite.
     """
     array = np.asarray(values, dtype=np.float64)
-    if array.ndim != dimensions or not np.isfinite(array).all():
+    no_columns = array.ndim == 2 and array.shape[1] == 0
+    if array.ndim != dimensions or no_columns or not np.isfinite(array).all():
         raise InvalidConfig(
             f"{name} has shape {array.shape} and {int((~np.isfinite(array)).sum())} values that "
             f"are not finite; give {dimensions} dimension(s), and leave out who has no value."

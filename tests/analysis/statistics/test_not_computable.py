@@ -149,6 +149,7 @@ def test_where_an_interval_is_missing_the_test_is_still_there():
         lambda: pearson(RISING, np.full(8, np.nan)),
         lambda: pearson(RISING, UNEVEN, confidence=95.0),
         lambda: friedman(RISING[:, None], rng=rng()),
+        lambda: multiple_correlation(np.empty((8, 0)), RISING, rng=rng()),
         lambda: cochran_q(np.full((8, 3), 2.0), rng=rng()),
         lambda: mcnemar(RISING, UNEVEN),
         lambda: multiple_correlation(UNEVEN[:, None], RISING, rng=rng(), permutations=9),

@@ -82,7 +82,7 @@ def mixed(rng: np.random.Generator) -> float:
         "third": (condition == 2.0).astype(float),
         "order": order.ravel(),
     }
-    return mixed_model(y + 0.5 * order.ravel(), columns, person).joint_test(["second", "third"])[3]
+    return mixed_model(y + 0.5 * order.ravel(), columns, person).joint_test(["second", "third"]).p
 
 
 def cochran(rng: np.random.Generator) -> float:

@@ -11,6 +11,7 @@ from statsmodels.stats.diagnostic import het_breuschpagan
 from steerlab.analysis.statistics.assumptions import score_test
 from steerlab.analysis.statistics.corrections import benjamini_hochberg, holm
 from steerlab.analysis.statistics.correlation import pearson, spearman
+from steerlab.analysis.statistics.mixed_model import mixed_model
 from steerlab.analysis.statistics.multiple_correlation import multiple_correlation
 from steerlab.analysis.statistics.paired import mcnemar, wilcoxon
 from steerlab.analysis.statistics.paper_switch import paper_correlation
@@ -208,3 +209,21 @@ def test_people_needed_is_the_first_number_with_that_power():
 def test_power_refuses_what_no_study_has(call):
     with pytest.raises(InvalidConfig):
         call()
+
+
+def test_a_joint_test_of_one_coefficient_is_its_t_squared(rng):
+    person, second = np.repeat(np.arange(9.0), 2), np.tile([0.0, 1.0], 9)
+    found = mixed_model(rng.standard_normal(18), {"second": second}, person)
+    joint = found.joint_test(["second"])
+    assert (joint.f, joint.p) == pytest.approx(
+        (found.coefficients[1].t ** 2, found.coefficients[1].p)
+    )
+    with pytest.raises(InvalidConfig, match="No coefficient 'third'"):
+        found.joint_test(["third"])
+
+
+def test_rows_of_another_number_are_refused(rng):
+    person = np.repeat(np.arange(4.0), 2)
+    for y, column in ((np.ones(7), np.ones(8)), (np.ones(8), np.ones(7))):
+        with pytest.raises(InvalidConfig, match="another number"):
+            mixed_model(y, {"condition": column}, person)
