@@ -100,6 +100,7 @@ def _server_config(app: object, config: ConsoleConfig) -> uvicorn.Config:
         server_header=False,
         proxy_headers=False,  # the address that a header claims must not count
         ws="none",
+        timeout_keep_alive=60,  # a page that pauses between two answers keeps its connection
         timeout_graceful_shutdown=3,
         ssl_certfile=config.tls_cert,
         ssl_keyfile=config.tls_key,

@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from hashlib import sha256
 
 from steerlab.sim.store_frozen import read_embeddings, read_models
-from steerlab.teleop.study.contract import Finding
+from steerlab.teleop.study.contract import Finding, PhaseKind, PhaseState
 from steerlab.teleop.study.opened import OpenStudy
+from steerlab.teleop.study.progress import everybody
 
 MODELS = "models"
 
@@ -25,7 +26,17 @@ def model_findings(study: OpenStudy) -> Iterator[Finding]:
             found = f"{one.file} of {len(one.people)} people, as frozen"
             yield Finding(what="Network", found=found, ok=True)
     hashes = {one.sha256 for one in in_use}
-    for participant, mine in read_embeddings(study.store.connection).items():
+    known = read_embeddings(study.store.connection)
+    for place in everybody(study):
+        participant, phase = place.view.id, place.of_kind(PhaseKind.CALIBRATE_W)
+        mine = known.get(participant)
+        if phase is None or place.state(phase.id) is not PhaseState.DONE:
+            continue
+        if mine is None:
+            found = f"{participant} has no w, though {phase.id} is done"
+            mend = f"Open the phase again: steerlab study redo DIR {participant} {phase.id}"
+            yield Finding(what="Network", found=found, ok=False, mend=mend)
+            continue
         if mine.model_sha256 not in hashes:
             found = f"w of {participant} comes from a network that was removed"
             mend = "Train enough participants, then withdraw again, which finds it anew."

@@ -151,15 +151,20 @@ def person_file(study: OpenStudy, model: FrozenModel, participant: str) -> Path:
 
 
 def remove_models_of(study: OpenStudy, participant: str) -> None:
-    """Remove the network that the participant's labels went into, and every w from it."""
+    """Remove the network that the participant's labels went into, and every w from it.
+
+    Also files that a crash left without a row: nobody knows whose labels are in them.
+    """
     for model in read_models(study.store.connection):
         if participant in model.people and model.removed_utc is None:
-            stem = Path(model.file).stem
-            for path in (study.folder / MODELS).glob(f"{stem}*.safetensors"):
-                path.unlink()
             with study.store.connection.transaction("remove the network", durable=True):
                 mark_model_removed(study.store.connection, model, f"{participant} was erased")
-    (study.folder / MODELS / ".training.part").unlink(missing_ok=True)
+    in_use = frozen_model(study)
+    keep = Path(in_use.file).stem if in_use is not None else None
+    for path in sorted((study.folder / MODELS).glob("*")):  # hidden parts too
+        known = path.name.endswith((".safetensors", ".part"))
+        if known and (keep is None or not path.name.startswith(keep)):
+            path.unlink()
 
 
 def renew(study: OpenStudy, progress: ProgressBar) -> None:
@@ -177,8 +182,9 @@ def renew(study: OpenStudy, progress: ProgressBar) -> None:
     assert model is not None
     known = read_embeddings(study.store.connection)
     for place in everybody(study):
-        mine = known.get(place.view.id)
-        if mine is not None and mine.model_sha256 != model.sha256:
+        mine, phase = known.get(place.view.id), place.of_kind(PhaseKind.CALIBRATE_W)
+        done = phase is not None and place.state(phase.id) is PhaseState.DONE
+        if done and mine is not None and mine.model_sha256 != model.sha256:
             calibrate_participant(study, place.view.id, progress)
 
 

@@ -129,6 +129,23 @@ def test_erasing_a_test_participant_leaves_the_network(full, folder):
     assert read_embeddings(full._opened.store.connection) == {}
 
 
+def test_a_file_that_training_left_when_it_was_cut_off_goes_too(full, folder):
+    (orphan := folder / "models" / "mind_meld-000000000000.safetensors").write_bytes(b"whose?")
+    (part := folder / "models" / ".training.part").write_bytes(b"whose?")
+    full.withdraw("P001", erase=True)
+    assert not orphan.exists()
+    assert not part.exists()
+    assert full.verify().ok
+
+
+def test_an_erasure_waits_for_nobody_who_calibrates_again(full, folder):
+    full.redo("P001", "calibration")  # has no finished attempt that counts now
+    full.withdraw("T001", erase=True)
+    assert full.participant("T001").standing is Standing.WITHDRAWN_ERASED
+    bad = [one.what for one in full.verify().findings if not one.ok]
+    assert bad == ["P001"]  # unfinished, and no complaint about a w that is to be found anew
+
+
 def test_who_kept_their_data_may_erase_them_later(full):
     full.withdraw("T002", erase=False)
     full.withdraw("T002", erase=True)
