@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from numba import njit
 
+from steerlab.learning.kernels.fused import TILE
 from steerlab.learning.kernels.lanes import (
     KERNEL,
     LANES,
@@ -213,11 +214,11 @@ def _back(
     add_product(transposed(layer.weight, len(values) // LANES), by_out, by_values)
     gradient.weight[:] = _ZERO
     add_outer(by_out, values, len(layer.bias), gradient.weight)
+    ones = np.ones(TILE * LANES, np.float32)
+    totals = np.zeros(TILE * len(layer.bias), np.float32)
+    add_outer(by_out, ones, len(layer.bias), totals)
     for row in range(len(layer.bias)):
-        total, of_row = _ZERO, by_out[row * LANES : (row + 1) * LANES]
-        for r in range(LANES):
-            total += of_row[r]
-        gradient.bias[row] = total
+        gradient.bias[row] = totals[row * TILE]
 
 
 @njit(**KERNEL)

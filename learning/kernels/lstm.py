@@ -7,6 +7,7 @@ The equations and the order of the gates (input, forget, cell, output) are those
 import numpy as np
 from numba import njit
 
+from steerlab.learning.kernels.fused import fma
 from steerlab.learning.kernels.lanes import (
     KERNEL,
     LANES,
@@ -56,7 +57,7 @@ def run_lstm(
             w0, w1 = weights.by_input[2 * row], weights.by_input[2 * row + 1]
             bias = weights.input_bias[row] + weights.hidden_bias[row]
             for r in range(LANES):
-                o[r] = bias + w0 * sample[r] + w1 * sample[LANES + r]
+                o[r] = fma(w1, sample[LANES + r], fma(w0, sample[r], bias))
         if step > 0:
             add_product(weights.by_hidden, hidden, z)
         _advance(
@@ -79,7 +80,7 @@ def _advance(
     for r in range(len(zi)):
         i, f, g, o = sigmoid(zi[r]), sigmoid(zf[r]), tanh(zg[r]), sigmoid(zo[r])
         zi[r], zf[r], zg[r], zo[r] = i, f, g, o
-        c = f * before[r] + i * g
+        c = fma(f, before[r], i * g)
         cell[r] = c
         hidden[r] = o * tanh(c)
 
@@ -165,7 +166,7 @@ def _retreat(
         i, f, g, o = gate_i[r], gate_f[r], gate_g[r], gate_o[r]
         shown = tanh(cell[r])
         by_h = by_hidden[r]
-        by_c = by_cell[r] + by_h * o * (_ONE - shown * shown)
+        by_c = fma(by_h * o, _ONE - shown * shown, by_cell[r])
         hidden[r] = o * shown
         by_i[r] = by_c * g * i * (_ONE - i)
         by_f[r] = by_c * before[r] * f * (_ONE - f)

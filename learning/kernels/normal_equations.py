@@ -8,11 +8,13 @@ import torch
 from numba import njit
 from torch import Tensor
 
+from steerlab.learning.kernels.fused import TILE
 from steerlab.learning.kernels.heads import Layers, run_f, run_g
 from steerlab.learning.kernels.lanes import (
     KERNEL,
     LANES,
     Float32Array,
+    add_outer,
     add_product,
     exp,
     padded,
@@ -201,39 +203,41 @@ def _add_block(
     With b the derivative of f by w, g's mean m and its derivative s by the difference, a window's
     second residual is ``m - w`` and its derivative ``s b' - I``.
     """
-    residual = slopes.f_out[:LANES]
-    pull, curvature = slopes.f_out[LANES : 2 * LANES], slopes.f_out[2 * LANES : 3 * LANES]
-    loss = _ZERO
+    size = padded(sizes.embedding)
+    b, s = slopes.f_input[: size * LANES], slopes.g_last[: size * LANES]
+    weighted, pull = np.zeros_like(b), np.zeros(TILE * LANES, np.float32)
+    curvature, loss = np.zeros(LANES, np.float32), _ZERO
     for r in range(count):
-        loss += residual[r] * residual[r]
-        pull[r], curvature[r] = residual[r], _ONE  # of each window along its b
+        residual = slopes.f_out[r]
+        loss += residual * residual
+        pull[r], curvature[r] = residual, _ONE  # of each window along its b; 0 in lanes beyond
     for i in range(sizes.embedding):
-        mean, s = values.g_last[i * LANES :], slopes.g_last[i * LANES :]
+        at, total, square, sigmas = i * LANES, _ZERO, _ZERO, _ZERO
         log_sigma = values.g_last[(sizes.embedding + i) * LANES :]
-        total = square = sigmas = _ZERO
         for r in range(count):
-            away = mean[r] - embedding[i]
+            away = values.g_last[at + r] - embedding[i]
             total += away
             square += away * away
-            pull[r] += scale * s[r] * away
-            curvature[r] += scale * s[r] * s[r]
+            pull[r] += scale * s[at + r] * away
+            curvature[r] += scale * s[at + r] * s[at + r]
             sigmas += exp(_TWO * min(max(log_sigma[r], _LEAST_LOG_SIGMA), _MOST_LOG_SIGMA))
         loss += scale * square
         gradient[i] -= scale * total
         matrix[i, i] += scale * np.float32(count)
         sigma_square[i] += sigmas
+    # b b' by the curvature, less s b' and its transpose.
+    for r in range(len(b)):
+        inside = scale if r % LANES < count else _ZERO
+        weighted[r] = b[r] * curvature[r % LANES]
+        s[r] *= inside
+    products, crossed = np.zeros(size * size, np.float32), np.zeros(size * size, np.float32)
+    along = np.zeros(size * TILE, np.float32)
+    add_outer(weighted, b, size, products)
+    add_outer(s, b, size, crossed)
+    add_outer(b, pull, size, along)
     for i in range(sizes.embedding):
-        b_i, s_i = slopes.f_input[i * LANES :], slopes.g_last[i * LANES :]
-        total = _ZERO
-        for r in range(count):
-            total += b_i[r] * pull[r]
-        gradient[i] += total
+        gradient[i] += along[i * TILE]
         for j in range(sizes.embedding):
-            b_j, s_j = slopes.f_input[j * LANES :], slopes.g_last[j * LANES :]
-            total = _ZERO
-            for r in range(count):
-                total += b_i[r] * b_j[r] * curvature[r] - scale * (
-                    s_i[r] * b_j[r] + s_j[r] * b_i[r]
-                )
-            matrix[i, j] += total
+            cross = crossed[i * size + j] + crossed[j * size + i]
+            matrix[i, j] += products[i * size + j] - cross
     return loss

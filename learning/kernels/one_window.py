@@ -7,6 +7,7 @@ import torch
 from numba import njit
 from torch import Tensor, nn
 
+from steerlab.learning.kernels.fused import fma
 from steerlab.learning.kernels.halves import half_of
 from steerlab.learning.kernels.lanes import KERNEL, Float32Array, copy, sigmoid, tanh
 from steerlab.learning.mind_meld import MindMeld
@@ -102,8 +103,8 @@ def _run_lstm(
             _add(lstm.by_hidden, hidden, z)
         zi, zf, zg, zo = z[:units], z[units:], z[2 * units :], z[3 * units :]
         for unit in range(units):
-            kept = sigmoid(zf[unit]) * cell[unit]
-            cell[unit] = kept + sigmoid(zi[unit]) * tanh(zg[unit])
+            added = sigmoid(zi[unit]) * tanh(zg[unit])
+            cell[unit] = fma(sigmoid(zf[unit]), cell[unit], added)
             hidden[unit] = sigmoid(zo[unit]) * tanh(cell[unit])
 
 
@@ -121,4 +122,4 @@ def _add(weight: Float32Array, values: Float32Array, out: Float32Array) -> None:
     for row in range(len(values)):
         value, of_row = values[row], weight[row]
         for column in range(len(out)):
-            out[column] += value * of_row[column]
+            out[column] = fma(value, of_row[column], out[column])
