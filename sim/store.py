@@ -267,10 +267,12 @@ class StudyStore:
         rows = self._connection.read("SELECT at_utc, act, detail FROM audit ORDER BY id")
         return [AuditEntry(at_utc=at_utc, act=act, detail=detail) for at_utc, act, detail in rows]
 
-    def read_labels(
-        self, statuses: Collection[AttemptStatus] = (AttemptStatus.FINISHED,)
-    ) -> pa.Table:
-        """Steps of attempts with these statuses, by participant, rollout, attempt and step.
+    def read_labels(self, statuses: Collection[AttemptStatus] | None = None) -> pa.Table:
+        """Labelled steps, by participant, rollout, attempt and step.
+
+        Args:
+            statuses: of the attempts wanted, all of them; None: of each rollout the participant's
+                last finished attempt, the one that counts.
 
         Returns:
             A table of ``LABELLED_STEP_SCHEMA``; names sort by code point.

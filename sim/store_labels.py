@@ -13,17 +13,32 @@ from steerlab.sim.store_records import Attempt, AttemptStatus
 from steerlab.sim.store_schema import fail
 
 _BATCH_ROWS = 50_000
+_LAST_FINISHED = (
+    "(SELECT participant, rollout, max(attempt) AS attempt FROM attempts "
+    "WHERE status = ? GROUP BY participant, rollout)"
+)
 
 
-def read_labels(connection: StoreConnection, statuses: Collection[AttemptStatus]) -> pa.Table:
-    """Steps of attempts with these statuses, by participant, rollout, attempt and step."""
+def read_labels(
+    connection: StoreConnection, statuses: Collection[AttemptStatus] | None
+) -> pa.Table:
+    """Steps by participant, rollout, attempt and step.
+
+    Args:
+        statuses: of the attempts wanted, all of them; None: of each rollout the participant's last
+            finished attempt, the one that counts.
+    """
+    if statuses is None:
+        attempts, values = _LAST_FINISHED, [AttemptStatus.FINISHED.value]
+    else:
+        values = [status.value for status in statuses]
+        attempts = f"(SELECT * FROM attempts WHERE status IN ({', '.join('?' * len(values))}))"
     query = (
         f"SELECT {', '.join(f'steps.{name}' for name in COLUMNS)} FROM steps "
-        f"JOIN attempts USING (participant, rollout, attempt) "
-        f"WHERE status IN ({', '.join('?' * len(statuses))}) "
+        f"JOIN {attempts} USING (participant, rollout, attempt) "
         f"ORDER BY steps.participant, steps.rollout, steps.attempt, steps.step"
     )
-    return _table(connection, query, *(status.value for status in statuses))
+    return _table(connection, query, *values)
 
 
 def read_steps(connection: StoreConnection, attempt: Attempt) -> pa.Table:

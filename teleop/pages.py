@@ -36,6 +36,7 @@ def countdown_page(
     centred: bool,
     focused: bool,
     device: str,
+    what: str = "Rollout",
 ) -> Page:
     """Counts down while the wheel is centred; says what is missing while it is not."""
     if not sample.ok or sample.wheel is None:
@@ -47,7 +48,7 @@ def countdown_page(
     else:
         big, line = str(ceil(left_s)), "Keep the wheel centred."
     return Page(
-        title=f"Rollout {number} of {count}",
+        title=f"{what} {number} of {count}",
         big=big,
         lines=(line,),
         keys=(_STOP,),
@@ -117,6 +118,19 @@ def keeping_page() -> Page:
     return Page(title="Thank you", lines=("Writing the recordings. The window closes by itself.",))
 
 
+def pedals_page(sample: DeviceSample, device: str) -> Page:
+    """Before a practice drive, while a pedal has said nothing yet."""
+    return Page(
+        title="Press each pedal once",
+        lines=(
+            f"A pedal of {device} is known only after it has moved.",
+            "If there are none, stop here and drive at cruise speed (--no-pedals).",
+        ),
+        keys=(("Esc", "stop practising"),),
+        bars=(("throttle", sample.throttle), ("brake", sample.brake)),
+    )
+
+
 def practice_page(outcome: Outcome, balls: int, count: int) -> Page:
     """Between two practice drives."""
     return Page(
@@ -133,7 +147,7 @@ def practice_done_page(balls: int, crashes: int) -> Page:
     """The end of practice."""
     return Page(
         title="Well driven",
-        lines=(f"You reached {balls} balls and hit {crashes} blocks on the way.",),
+        lines=(f"Balls reached: {balls}. Blocks hit on the way: {crashes}.",),
         keys=(("Space", "close"),),
         tone="good",
         done=balls,

@@ -13,12 +13,12 @@ from steerlab.sim.records import LabelledStep
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.world import WorldSpec
 from steerlab.sim.world_generator import WorldConfig, generate_world
-from steerlab.teleop.devices.contract import Device
+from steerlab.teleop.devices.contract import Device, DeviceSample
 from steerlab.teleop.drives.live import LiveDrive
 from steerlab.teleop.drives.who_drives import PersonDrives
 from steerlab.teleop.loop import DriveEnd, run_drive
 from steerlab.teleop.pacing import PacingConfig, WallClock, no_garbage_collection
-from steerlab.teleop.pages import pause_page, practice_done_page, practice_page
+from steerlab.teleop.pages import pause_page, pedals_page, practice_done_page, practice_page
 from steerlab.teleop.screen.contract import Act, DriveView, Page, Screen
 from steerlab.teleop.stage import Stage
 from steerlab.teleop.timing import StepTiming
@@ -104,8 +104,10 @@ class Practice:
             drive.begin(participant="practice", attempt=0)
             self._clock.start()
             self._show(drive, 0.0)
+            if self._config.pedals and not self._stage.until(self._ask_for_pedals, _has_pedals):
+                return False
             if not self._stage.countdown(
-                self._balls + 1, self._config.balls, self._config.countdown_s
+                self._balls + 1, self._config.balls, self._config.countdown_s, what="Ball"
             ):
                 return False
             self._watch.begin(self._device.read())
@@ -145,6 +147,9 @@ class Practice:
 
         return self._stage.ready(page)
 
+    def _ask_for_pedals(self, sample: DeviceSample) -> Page:
+        return pedals_page(sample, self._device.info.name)
+
     def _show(self, drive: LiveDrive, fraction: float) -> None:
         sample = self._device.read()
         self._screen.show_drive(
@@ -162,6 +167,10 @@ class Practice:
                 teacher_drives=True,
             )
         )
+
+
+def _has_pedals(sample: DeviceSample) -> bool:
+    return sample.throttle is not None and sample.brake is not None
 
 
 class _Nowhere:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from steerlab.teleop.devices.contract import Device
+from steerlab.teleop.devices.contract import Device, DeviceSample
 from steerlab.teleop.pacing import NS_PER_S
 from steerlab.teleop.pages import CENTRED, countdown_page
 from steerlab.teleop.screen.contract import Act, Page, Screen
@@ -36,7 +36,7 @@ class Stage:
         self._now_ns = now_ns
         self._sleep_s = sleep_s
 
-    def countdown(self, number: int, count: int, seconds: float) -> bool:
+    def countdown(self, number: int, count: int, seconds: float, *, what: str = "Rollout") -> bool:
         """3-2-1, running only while the wheel is centred and the window in focus; False to stop."""
         self._screen.acts()  # what was pressed before does not count
         period_ns = round(seconds * NS_PER_S)
@@ -62,6 +62,7 @@ class Stage:
                 centred=centred,
                 focused=focused,
                 device=self._device.info.name,
+                what=what,
             )
             self._screen.show_page(page)
             self._sleep_s(PAGE_S)
@@ -75,6 +76,20 @@ class Stage:
                 if act in wanted:
                     return act
             self._screen.show_page(page())
+            self._sleep_s(PAGE_S)
+
+    def until(
+        self, page: Callable[[DeviceSample], Page], known: Callable[[DeviceSample], bool]
+    ) -> bool:
+        """Show a page until the device says what is wanted of it; False to stop."""
+        while True:
+            self._poll()
+            sample = self._device.read()
+            if known(sample):
+                return True
+            if Act.STOP in self._screen.acts():
+                return False
+            self._screen.show_page(page(sample))
             self._sleep_s(PAGE_S)
 
     def ready(self, page: Callable[[], Page]) -> bool:

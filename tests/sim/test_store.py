@@ -192,6 +192,20 @@ def test_a_redo_is_a_new_attempt_and_the_old_one_stays(store: StudyStore):
     assert third.status is AttemptStatus.RUNNING  # as it was begun; the store says what it is now
 
 
+def test_of_a_drive_finished_twice_the_last_counts(store: StudyStore):
+    label(store, "P01")
+    second = label(store, "P01")
+    store.add_participant("P02", "seen")
+    label(store, "P02")
+    store.append(step_of(store.begin_attempt("P02", "r0"), 0))  # running: it does not count
+    table = store.read_labels()
+    counted = set(
+        zip(*(table.column(n).to_pylist() for n in ("participant", "attempt")), strict=True)
+    )
+    assert counted == {("P01", second.attempt), ("P02", 0)}
+    assert store.read_labels([AttemptStatus.FINISHED]).num_rows == table.num_rows * 3 // 2
+
+
 def test_an_attempt_without_all_its_steps_cannot_be_finished(store: StudyStore):
     attempt = store.begin_attempt("P01", "r0")
     store.append(step_of(attempt, 0))

@@ -64,7 +64,7 @@ def test_kill_9_loses_nothing_that_was_acknowledged(tmp_path: Path, kill_after_l
             status: [a.attempt for a in store.attempts(status)] for status in AttemptStatus
         }
         kept = store.read_labels([*AttemptStatus])
-        labels = store.read_labels()
+        labels = store.read_labels([AttemptStatus.FINISHED])
         for attempt in store.attempts(AttemptStatus.RUNNING):
             store.abandon_attempt(attempt, "redo")  # what a resumed session does
         redo = store.begin_attempt("P01", "r0")

@@ -1,13 +1,8 @@
 """``steerlab correct``: headless by a script, and in a real window by a virtual wheel."""
 
-import json
-import os
 import shutil
 import signal
 import sqlite3
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,8 +14,8 @@ from steerlab.teleop.cli import main
 from steerlab.teleop.devices.open import open_device
 from steerlab.teleop.drives.replay import Replay
 from steerlab.teleop.loop import LabelSink, NullClock, run_drive
+from tests.teleop.display import Display
 
-PERSON = Path(__file__).with_name("virtual_person.py")
 ROLLOUTS = load_calibration_set()
 SCRIPT = ["--participant", "P01", "--device", "scripted:human:3", "--no-pictures"]
 windowed = [
@@ -70,49 +65,23 @@ def test_what_cannot_be_is_told(tmp_path, capsys, arguments, says):
     assert not (tmp_path / "s").exists()
 
 
-class Display:
-    """An X server, and a person before it."""
-
-    def __init__(self, folder):
-        self.folder = folder
-        reading, writing = os.pipe()
-        self.server = subprocess.Popen(
-            ["Xvfb", "-displayfd", str(writing), "-screen", "0", "1280x720x24", "-nolisten", "tcp"],
-            pass_fds=[writing],
-            stderr=subprocess.DEVNULL,
-        )
-        os.close(writing)
-        with os.fdopen(reading) as told:
-            self.environment = os.environ | {"DISPLAY": f":{told.readline().strip()}"}
-        self.environment.pop("SDL_VIDEODRIVER", None)
-
-    def person(self, plan, *arguments):
-        command = [sys.executable, str(PERSON), str(self.folder), json.dumps(plan), "--"]
-        return subprocess.Popen(
-            [*command, "correct", str(self.folder / "study"), *arguments],
-            env=self.environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-
-
 @pytest.fixture
 def display(tmp_path):
     display = Display(tmp_path)
     yield display
-    display.server.kill()
-    display.server.wait()
+    display.close()
 
 
-ONE = ["--participant", "P01", "--rollouts", "1", "--no-pictures"]
+def one(folder):
+    return ["correct", str(folder / "study"), "--participant", "P01", "--rollouts", "1",
+            "--no-pictures"]  # fmt: skip
 
 
 class TestInAWindow:
     pytestmark = windowed
 
     def test_a_person_pauses_loses_the_wheel_and_finishes(self, display, tmp_path):
-        child = display.person({"pause": 60, "unplug": 140}, *ONE)
+        child = display.run("virtual_person.py", {"pause": 60, "unplug": 140}, *one(tmp_path))
         out, err = child.communicate(timeout=150)
         assert child.returncode == 0, err
         assert "Pause" in out
@@ -141,7 +110,7 @@ class TestInAWindow:
     def test_a_display_that_vanishes_loses_no_step_and_the_session_goes_on_later(
         self, display, tmp_path
     ):
-        child = display.person({}, *ONE)
+        child = display.run("virtual_person.py", {}, *one(tmp_path))
         for line in child.stdout:
             if "90 frames" in line:
                 break

@@ -52,12 +52,15 @@ class Lab:
 
     def read(self, step=None):
         if step is None:
-            return DeviceSample(wheel=0.0, throttle=0.0, brake=0.0)
+            return DeviceSample(wheel=0.0, throttle=self.throttle(), brake=0.0)
         pose = self.views[-1].pose
         wheel = 4.0 * bearing_rad(pose, self.worlds[-1].ball_xy_m)
         if self.wrong > 0:
             wheel = 0.0  # straight off the ground or into a block
-        return DeviceSample(wheel=max(-2.5, min(2.5, wheel)), throttle=0.6, brake=0.0)
+        return DeviceSample(wheel=max(-2.5, min(2.5, wheel)), throttle=self.throttle(), brake=0.0)
+
+    def throttle(self):
+        return 0.6
 
     def practise(self, **settings):
         practice = Practice(
@@ -103,6 +106,28 @@ def test_stopping_in_the_countdown():
     result = lab.practise(balls=1)
     assert result.stopped
     assert result.balls == 0
+
+
+def test_pedals_that_said_nothing_yet_are_asked_for():
+    lab = Lab()
+    asked = []
+    show = lab.show_page
+
+    def look(page):
+        asked.extend([page.title] * (page.title == "Press each pedal once"))
+        show(page)
+
+    lab.show_page = look
+    lab.throttle = lambda: 0.6 if len(asked) > 3 else None
+    assert lab.practise(balls=1, seed=0).balls == 1
+    assert len(asked) == 4
+    unknown = Lab()
+    unknown.throttle = lambda: None
+    unknown.show_page = lambda page: unknown._acts.append(Act.STOP)
+    assert unknown.practise(balls=1, seed=0).stopped
+    cruising = Lab()
+    cruising.throttle = lambda: None
+    assert cruising.practise(balls=1, seed=0, pedals=False).balls == 1
 
 
 def test_practising_for_nothing_is_refused():
