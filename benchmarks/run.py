@@ -12,6 +12,8 @@ from rich.table import Table
 
 from benchmarks import (
     commands,
+    console,
+    expected_error,
     ground_truth,
     mapper_quality,
     mapper_speed,
@@ -29,10 +31,12 @@ BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "ground_truth": ground_truth.run,
     "mapper": mapper_speed.run,
     "pretrained": pretrained.run,
+    "expected_error": expected_error.run,
     "store": store.run,
     "recording": recording.run,
     "style": style.run,
     "teleop": teleop.run,
+    "console": console.run,
     "commands": commands.run,
 }
 

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from steerlab.learning.empirical_bayes.grid import GridSeries, from_grid, grid_positions
-from steerlab.learning.errors import InvalidLabels, NotFitted, UnknownPerson
+from steerlab.learning.empirical_bayes.grid import GridSeries, from_grid
+from steerlab.learning.errors import NotFitted, UnknownPerson
 from steerlab.learning.pretrained.expected_error import ErrorScale, measure_error_scale
 from steerlab.learning.pretrained.fine_tuning import FineTuningConfig, fine_tuned
 from steerlab.learning.pretrained.model import PretrainedModel, map_labels
+from steerlab.learning.pretrained.people import motion_on_grid, person_moments
 from steerlab.learning.pretrained.study_batch import study_batch
-from steerlab.learning.pretrained.style import StyleMoments, concatenate, style_moments
 from steerlab.learning.pretrained.teachers import STYLE
 from steerlab.learning.pretrained.weights import load_shipped_model
-from steerlab.learning.series import CONTEXT, LabelSeries
+from steerlab.learning.series import LabelSeries
 from steerlab.learning.training import torch_threads
 from steerlab.sim.rollout import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
@@ -40,7 +40,7 @@ class SimPretrainedMapper:
     Args:
         context: also read the car's own motion, which every series must then carry.
         model: in place of the shipped weights.
-        fine_tuning: how to fine-tune; None keeps the network frozen and ``fit`` within a second.
+        fine_tuning: how to fine-tune; None keeps the network frozen, which is quick.
         seed: of fine-tuning's batches.
     """
 
@@ -219,39 +219,3 @@ class SimPretrainedMapper:
     def people(self) -> tuple[str, ...]:
         """Everyone who can be mapped, fitted or calibrated."""
         return tuple(self._people)
-
-
-def motion_on_grid(series: LabelSeries) -> FloatArray:
-    """The car's motion on the grid, (samples, 3), columns as ``series.CONTEXT``.
-
-    Raises:
-        InvalidLabels: the series does not carry it.
-    """
-    missing = [name for name in CONTEXT if name not in series.context_names]
-    if missing:
-        raise InvalidLabels(
-            f"Series of {series.person!r} on {series.rollout!r} has no {', '.join(missing)}; "
-            "record the car's motion or use sim_pretrained, which reads labels only."
-        )
-    positions, steps = grid_positions(series), np.arange(series.steps, dtype=np.float64)
-    columns = [series.context[:, series.context_names.index(name)] for name in CONTEXT]
-    return np.column_stack([np.interp(positions, steps, column) for column in columns])
-
-
-def person_moments(series: Sequence[LabelSeries]) -> tuple[tuple[str, ...], StyleMoments]:
-    """People in order of appearance, and the sums of each over their rollouts.
-
-    Raises:
-        InvalidLabels: no series, or someone without a valid label.
-    """
-    if not series:
-        raise InvalidLabels("No label series given; calibration needs at least one.")
-    people: dict[str, StyleMoments] = {}
-    for one in series:
-        grid = GridSeries.from_series(one)
-        own = style_moments(grid.label[None], grid.truth[None], grid.valid[None])
-        people[one.person] = people[one.person] + own if one.person in people else own
-    for person, own in people.items():
-        if not own.inverse.rows.any():
-            raise InvalidLabels(f"{person!r} has no valid label to calibrate on; label a rollout.")
-    return tuple(people), concatenate(list(people.values()))

@@ -1,5 +1,6 @@
 import json
 import os
+import signal
 import subprocess
 import sys
 
@@ -135,3 +136,13 @@ def test_the_module_runs_as_a_program():
     )
     assert done.returncode == 2
     assert "--out" in done.stderr
+
+
+def test_a_reader_that_has_seen_enough_is_no_error():
+    """As in ``steerlab --help | head -1``."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "steerlab.teleop.cli", "--help"]
+    done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, timeout=60)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, "")
