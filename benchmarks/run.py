@@ -1,7 +1,7 @@
 """Every benchmark in one run: ``make bench`` or ``python -m benchmarks.run [--quality] [NAME ...]``.
 
 Prints a row a figure and exits with 1 if a limit is missed. ``--quality`` adds the ten studies
-of 34 + 34 teachers whose improvement the README reports; they take minutes.
+of 34 + 34 teachers whose improvement the README reports, and a thousand null studies; minutes each.
 """
 
 import sys
@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks import (
+    analysis,
     commands,
     console,
     expected_error,
@@ -21,7 +22,10 @@ from benchmarks import (
     recording,
     simulation,
     store,
+    study,
     style,
+    teach,
+    teaching,
     teleop,
 )
 from benchmarks.rows import Row
@@ -35,8 +39,12 @@ BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "store": store.run,
     "recording": recording.run,
     "style": style.run,
+    "analysis": analysis.run,
     "teleop": teleop.run,
+    "teaching": teaching.run,
+    "teach": teach.speed,
     "console": console.run,
+    "study": study.run,
     "commands": commands.run,
 }
 
@@ -50,7 +58,8 @@ def main(arguments: list[str]) -> int:
         return 2
     rows = [(name, row) for name in chosen for row in BENCHMARKS[name]()]
     if "--quality" in arguments:
-        rows += [("quality", row) for row in (*mapper_quality.quality(), *pretrained.quality())]
+        judged = (mapper_quality.quality, pretrained.quality, analysis.quality)
+        rows += [("quality", row) for quality in judged for row in quality()]
     table = Table("benchmark", "figure", "measured", "limit", "unit", "")
     for name, row in rows:
         verdict = "[green]ok[/]" if row["ok"] else "[red]MISSED[/]"

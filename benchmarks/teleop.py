@@ -29,7 +29,7 @@ def run(seconds: float = SECONDS) -> list[Row]:
     load = os.getloadavg()[0]
     with (
         tempfile.TemporaryDirectory() as folder,
-        _xvfb(),
+        xvfb(),
         SdlEvents(window=True) as events,
         open_screen(events) as screen,
     ):
@@ -58,7 +58,7 @@ def run(seconds: float = SECONDS) -> list[Row]:
 
 
 @contextmanager
-def _xvfb() -> Generator[None]:
+def xvfb() -> Generator[None]:
     """A display of our own, so that nothing else is on it.
 
     Raises:

@@ -22,6 +22,7 @@ from steerlab.learning.windows import WindowConfig, make_windows
 ROUNDS = 3  # the sides take turns
 REPEATS = 3
 PLAIN_BATCHES = 24
+OUR_EPOCHS = 24  # of 18 batches; a study's training has ten times as many
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +61,7 @@ def training_rates(series: list[LabelSeries], people: int) -> TrainingRates:
 
 def _our_rate(series: list[LabelSeries], people: int, threads: int) -> float:
     windows = make_windows(series, WindowConfig())
-    config = replace(LAB.training, epochs=3, least_per_epoch=1, threads=threads)
+    config = replace(LAB.training, epochs=OUR_EPOCHS, least_per_epoch=1, threads=threads)
     per_epoch = round(config.share_per_epoch * int(windows.valid.sum()))
 
     def job() -> int:

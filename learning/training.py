@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import huber_loss
 
+from steerlab.learning.adam import Adam
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.kernels.heads import Loss
 from steerlab.learning.kernels.step import Batch, BatchGradient
@@ -184,21 +185,18 @@ def train(
     network = MindMeld(network_config, generator)
     people = len(windows.people)
     shape = (people * (2 if config.mirror else 1), network_config.embedding_size)
-    embeddings = torch.randn(shape, generator=generator).requires_grad_()
-    weights = pack(network).requires_grad_()
-    groups = [{"params": [weights], "lr": config.rate}]
+    embeddings = torch.randn(shape, generator=generator)
+    weights = pack(network)
+    rates = {weights: config.rate}
     if given is None:
-        groups.append({"params": [embeddings], "lr": config.rate * config.embedding_rate_factor})
+        rates[embeddings] = config.rate * config.embedding_rate_factor
     else:
         embeddings = given.reshape(shape)
-    optimizer = torch.optim.Adam(groups, fused=True)
+    optimizer = Adam(rates)
     per_epoch = min(
         len(rows), max(config.least_per_epoch, round(config.share_per_epoch * len(rows)))
     )
     batches = -(-per_epoch // config.batch_size)
-    schedule = torch.optim.lr_scheduler.LambdaLR(
-        optimizer, lambda step: _rate_factor(step, config.epochs * batches, config)
-    )
     history: list[tuple[float, float]] = []
     loss = Loss.of(config.embedding_loss_weight, config.huber)
     length = windows.inputs.shape[1]
@@ -206,7 +204,7 @@ def train(
         for epoch in range(config.epochs):
             drawn = rows[torch.randperm(len(rows), generator=generator)[:per_epoch]]
             sums = torch.zeros(2)
-            for row in drawn.split(config.batch_size):
+            for number, row in enumerate(drawn.split(config.batch_size), start=epoch * batches):
                 target, whose, sign = difference[row], windows.person[row], torch.ones(len(row))
                 if config.mirror:
                     mirrored = torch.rand(len(row), generator=generator) < 0.5
@@ -214,12 +212,10 @@ def train(
                     target, whose = sign * target, whose + people * mirrored
                 noise = torch.randn(len(row), shape[1], generator=generator)
                 batch = Batch.of(windows.inputs, row, sign, target, whose, noise)
-                weights.grad, by_embedding, losses = gradient(batch, embeddings, weights)
-                if given is None:
-                    zeros = torch.zeros_like(embeddings)
-                    embeddings.grad = zeros.index_add_(0, whose, by_embedding)
-                optimizer.step()
-                schedule.step()
+                by_weights, by_window, losses = gradient(batch, embeddings, weights)
+                by_person = torch.zeros_like(embeddings).index_add_(0, whose, by_window)
+                factor = _rate_factor(number, config.epochs * batches, config)
+                optimizer.step({weights: by_weights, embeddings: by_person}, factor)
                 sums += losses
             history.append((float(sums[0] / batches), float(sums[1] / batches)))
             if on_epoch is not None:

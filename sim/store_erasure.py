@@ -6,10 +6,11 @@ from steerlab.sim.store_connection import StoreConnection
 from steerlab.sim.store_people import Departure, write_departure
 from steerlab.sim.store_schema import StoreError, fail
 from steerlab.sim.store_study_tables import ERASED_IN_ORDER
+from steerlab.sim.store_teaching_tables import ERASED_FIRST
 
 
 def erase_rows(connection: StoreConnection, participant: str) -> None:
-    """Delete all rows of a participant but the tombstone; all of them or none.
+    """Delete all rows of a participant but the tombstone and their link's hash; all or none.
 
     The pages they lay on are overwritten with zeros. ``scrub`` must follow: copies of pages are
     still in the write-ahead log.
@@ -20,8 +21,12 @@ def erase_rows(connection: StoreConnection, participant: str) -> None:
     connection.run("PRAGMA secure_delete = ON")
     with connection.transaction(f"erase {participant!r}", durable=True):
         connection.run("INSERT INTO erasing VALUES (?)", participant)
-        for table in ERASED_IN_ORDER:
+        for table in (*ERASED_FIRST, *ERASED_IN_ORDER):
             connection.run(f"DELETE FROM {table} WHERE participant = ?", participant)
+        newest = "SELECT max(id) FROM links WHERE participant = ?"
+        connection.run(
+            f"DELETE FROM links WHERE participant = ? AND id < ({newest})", participant, participant
+        )
         connection.run("DELETE FROM erasing")
         write_departure(connection, participant, Departure.ERASING)
 

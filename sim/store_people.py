@@ -163,6 +163,14 @@ def read_consents(connection: StoreConnection) -> dict[str, bool]:
     return {participant: bool(given) for participant, given in rows}
 
 
+def read_consented_sha256(connection: StoreConnection, participant: str) -> str | None:
+    """Hash of the text that a participant has decided on; None before they have."""
+    rows = connection.read(
+        "SELECT sha256 FROM consents WHERE participant = ? ORDER BY id DESC LIMIT 1", participant
+    )
+    return rows[0][0] if rows else None
+
+
 def insert_link(connection: StoreConnection, participant: str, token_sha256: str) -> None:
     """Keep the hash of a fresh link; older ones of the participant no longer count."""
     connection.run(

@@ -27,8 +27,11 @@ _ERASED = (
     *("steps", "timings", "events", "flags", "attempts", "sessions"),
     *("phase_events", "responses", "consents", "links", "notes", "embeddings"),
 )
-ERASED_IN_ORDER = _ERASED
-"""Tables that are emptied of a person who withdraws and wants their data erased; children first."""
+ERASED_IN_ORDER = tuple(table for table in _ERASED if table != "links")
+"""Tables that are emptied of a person who withdraws and wants their data erased; children first.
+
+Of ``links`` the newest hash stays, so that who opens their page later learns that all is erased.
+"""
 
 _KEPT = ("participants", "enrolments", "departures", "protocols", "instruments", "models")
 _FINAL = ("protocols", "instruments", "enrolments")

@@ -8,6 +8,7 @@ import pyarrow as pa
 
 from steerlab.sim.records import LABELLED_STEP_SCHEMA, Gate
 from steerlab.sim.store_study_tables import VERSION_3, VIEWS_OF_2
+from steerlab.sim.store_teaching_tables import VERSION_4, VIEWS_OF_3
 
 APPLICATION_ID = 0x53544C42  # "STLB" in the file's header: tells our files from other SQLite files
 
@@ -221,7 +222,7 @@ CREATE TABLE flags (
 {_joins_a_running_attempt("flags", f"{_ATTEMPT_KEY}, name")}
 """
 
-VERSIONS = (_VERSION_1, _VERSION_2, VERSION_3)
+VERSIONS = (_VERSION_1, _VERSION_2, VERSION_3, VERSION_4)
 """What to run to get from each schema version to the next, from none at all."""
 
 
@@ -238,5 +239,9 @@ CREATE TEMP VIEW attempts AS SELECT *, NULL AS session, NULL AS end_reason FROM 
 {_empty("flags", FLAG_COLUMNS)}
 """
 
-VIEWS = {1: _VIEWS_OF_1 + VIEWS_OF_2, 2: VIEWS_OF_2}
+VIEWS = {
+    1: _VIEWS_OF_1 + VIEWS_OF_2 + VIEWS_OF_3,
+    2: VIEWS_OF_2 + VIEWS_OF_3,
+    3: VIEWS_OF_3,
+}
 """What makes an old file that is only read look like a file of the newest version."""

@@ -5,16 +5,21 @@ answers at once.
 """
 
 import logging
+import os
+import signal
 import sys
 from collections.abc import Callable
 
 import tyro
 
+from steerlab.teleop.verbs.analyze import analyze
 from steerlab.teleop.verbs.console import console
 from steerlab.teleop.verbs.live import correct, drive, replay, wheel
 from steerlab.teleop.verbs.machine import calibration_set, doctor
+from steerlab.teleop.verbs.power import power
 from steerlab.teleop.verbs.science import demo, fit, simulate, synthetic
 from steerlab.teleop.verbs.study import study
+from steerlab.teleop.verbs.teach import teach
 
 VERBS: dict[str, Callable[..., int]] = {
     "demo": demo,
@@ -28,6 +33,9 @@ VERBS: dict[str, Callable[..., int]] = {
     "simulate": simulate,
     "fit": fit,
     "synthetic": synthetic,
+    "teach": teach,
+    "analyze": analyze,
+    "power": power,
     "calibration-set": calibration_set,
 }
 
@@ -48,13 +56,16 @@ def main(arguments: list[str] | None = None) -> int:
     except SteerlabError as error:
         print(f"steerlab: {error}", file=sys.stderr)
         return 2
+    except BrokenPipeError:  # whoever read what we print has seen enough, such as ``head``
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
     except OSError as error:
         where = f" {error.filename}" if error.filename else ""
         print(f"steerlab: {error.strerror or error}{where}; check the path.", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("steerlab: stopped; nothing was kept.", file=sys.stderr)
-        return 130
+        print("steerlab: stopped.", file=sys.stderr)
+        return 128 + signal.SIGINT
 
 
 if __name__ == "__main__":

@@ -107,6 +107,7 @@ class BatchGradient:
         self._sizes, self._loss = sizes_of(network), loss
         self._rooms = [Room.of(self._sizes, length) for _ in range(threads)]
         self._pool = ThreadPoolExecutor(threads)
+        self._by_block = torch.empty(0, 0)  # kept: fresh memory costs a twentieth of a batch
 
     def __enter__(self) -> "BatchGradient":
         return self
@@ -128,7 +129,9 @@ class BatchGradient:
             by the vector; by each window's embedding, (batch, d); the two losses' means, (2,).
         """
         blocks = -(-len(batch.row) // LANES)
-        by_vector = torch.empty(blocks, len(vector))
+        if self._by_block.shape != (blocks, len(vector)):
+            self._by_block = torch.empty(blocks, len(vector))
+        by_vector = self._by_block
         by_embedding = torch.empty(len(batch.row), embeddings.shape[1])
         losses = torch.empty(blocks, 2)
         threads = max(1, min(len(self._rooms), blocks))

@@ -13,7 +13,7 @@ from steerlab.teleop.console.next_steps import next_step, step_of
 from steerlab.teleop.console.rendering import page
 from steerlab.teleop.console.sign_in import Session
 from steerlab.teleop.console.wheel_run import WheelRuns
-from steerlab.teleop.study.contract import StudyAccess
+from steerlab.teleop.study.contract import ParticipantView, Standing, StudyAccess
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -33,13 +33,20 @@ class Bench:
 
 
 def people_page(bench: Bench) -> Response:
-    """Everyone, with progress and what to do next."""
+    """Who is under way, with progress and what to do next; then who has finished or left."""
     run = bench.runs.view()
     people = [
         {"view": view, "step": step_of(view), "next": next_step(view, run)}
         for view in bench.study.participants()
     ]
-    return page("people.html.j2", **_frame(bench, texts.PEOPLE), people=people, run=run)
+    over = [one for one in people if _is_over(one["view"])]
+    return page(
+        "people.html.j2",
+        **_frame(bench, texts.PEOPLE),
+        people=[one for one in people if one not in over],
+        over=over,
+        run=run,
+    )
 
 
 def person_page(
@@ -70,9 +77,11 @@ def person_page(
         is_in=view.next_phase is not None,
         step=step_of(view),
         link=f"{bench.origin}/p/{kept}" if kept else "",
-        notes=bench.study.notes(participant),
+        notes=[(_minute(when), text) for when, text in bench.study.notes(participant)],
         findings=bench.study.findings(participant),
         wrong=wrong,
+        can_leave=view.standing in (Standing.ENROLLED, Standing.RUNNING, Standing.FINISHED),
+        can_erase=view.standing is not Standing.WITHDRAWN_ERASED,
     )
 
 
@@ -82,6 +91,7 @@ def checks_page(bench: Bench, checks: CheckupView) -> Response:
         "checks.html.j2",
         **_frame(bench, texts.CHECKS_TITLE),
         checks=checks,
+        findings=sorted(checks.findings, key=lambda one: (one.ok, not one.notice)),
         bad=sum(not finding.ok for finding in checks.findings),
     )
 
@@ -92,6 +102,15 @@ def keep_link(bench: Bench, token: str) -> str:
     bench.session.links.clear()  # one that was never looked at is not kept
     bench.session.links[key] = token
     return key
+
+
+def _is_over(view: ParticipantView) -> bool:
+    return view.next_phase is None and view.standing is not Standing.ERASING
+
+
+def _minute(at_utc: str) -> str:
+    """``2026-03-02T10:15:04.123Z`` as people read it."""
+    return texts.AT_UTC.format(day=at_utc[:10], minute=at_utc[11:16])
 
 
 def _frame(bench: Bench, title: str) -> dict[str, Any]:

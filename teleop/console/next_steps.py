@@ -26,6 +26,7 @@ class Act(Enum):
     LINK = auto()
     START = auto()
     RESUME = auto()
+    ERASE = auto()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -46,14 +47,16 @@ def next_step(view: ParticipantView, run: RunView | None) -> NextStep:
     """What to do next, given the run at the wheel, whoever's it is."""
     phase = view.next_phase
     if phase is None:
-        return NextStep(text=_without_phase(view.standing))
+        return _without_phase(view, run)
     if phase.kind in PAGES:
         if view.standing is Standing.ENROLLED:
             return NextStep(text=texts.NEXT_LINK, act=Act.LINK)
         return NextStep(text=texts.NEXT_PAGE.format(title=phase.title))
     if run is not None and run.goes_on:
         if (run.participant, run.phase) == (view.id, phase.id):
-            return NextStep(text=texts.NEXT_RUNNING.format(title=phase.title))
+            alone = phase.kind is PhaseKind.CALIBRATE_W
+            words = texts.NEXT_COMPUTING if alone else texts.NEXT_RUNNING
+            return NextStep(text=words.format(title=phase.title))
         return NextStep(text=texts.NEXT_OTHER_RUNS.format(participant=run.participant))
     if state_of(view, phase.id) is PhaseState.STARTED:
         said = texts.NEXT_RESUME.format(title=phase.title)
@@ -73,9 +76,11 @@ def step_of(view: ParticipantView) -> tuple[int, int]:
     return min(done + 1, len(view.phases)), len(view.phases)
 
 
-def _without_phase(standing: Standing) -> str:
-    if standing is Standing.DECLINED:
-        return texts.NEXT_DECLINED
-    if standing in (Standing.WITHDRAWN_KEPT, Standing.WITHDRAWN_ERASED):
-        return texts.NEXT_LEFT
-    return texts.NEXT_FINISHED
+def _without_phase(view: ParticipantView, run: RunView | None) -> NextStep:
+    if view.standing is Standing.ERASING:
+        if run is not None and run.goes_on and run.participant == view.id:
+            return NextStep(text=texts.NEXT_ERASING)
+        return NextStep(text=texts.NEXT_ERASE, act=Act.ERASE)
+    if view.standing is Standing.DECLINED:
+        return NextStep(text=texts.NEXT_DECLINED)
+    return NextStep(text=texts.NEXT_LEFT if view.standing.withdrawn else texts.NEXT_FINISHED)

@@ -26,10 +26,10 @@ def consent(visit: Visit, posted: Posted) -> Response:
     decision = posted.get("decision")
     if phase is None or phase.kind is not PhaseKind.CONSENT or decision not in ("yes", "no"):
         return visit.home_again()
-    version, _ = visit.study.consent_text()
+    version, _ = visit.study.consent_text(visit.participant)
     if posted.get("version") != str(version):
         return consent_page(visit, view, phase, changed=True)
-    visit.study.consent(visit.participant, given=decision == "yes")
+    visit.study.consent(visit.participant, given=decision == "yes", shown=version)
     return visit.home_again()
 
 

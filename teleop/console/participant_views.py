@@ -78,7 +78,7 @@ def consent_page(
     visit: Visit, view: ParticipantView, phase: Phase, *, changed: bool = False
 ) -> Response:
     """Information and the two buttons; ``changed`` if another version was shown before."""
-    version, paragraphs = visit.study.consent_text()
+    version, paragraphs = visit.study.consent_text(visit.participant)
     return page(
         "consent.html.j2",
         status=409 if changed else 200,
@@ -143,7 +143,9 @@ def _frame(visit: Visit, view: ParticipantView, phase: Phase) -> dict[str, Any]:
 def _end_page(visit: Visit, view: ParticipantView) -> Response:
     title, text = {
         Standing.DECLINED: (texts.DECLINED_TITLE, texts.DECLINED_TEXT),
-        Standing.WITHDRAWN_KEPT: (texts.LEFT_TITLE, texts.LEFT_TEXT),
-        Standing.WITHDRAWN_ERASED: (texts.LEFT_TITLE, texts.LEFT_TEXT),
+        Standing.WITHDRAWN_KEPT: (texts.LEFT_TITLE, texts.LEFT_KEPT),
+        Standing.ERASING: (texts.LEFT_TITLE, texts.LEFT_ERASING),
+        Standing.WITHDRAWN_ERASED: (texts.LEFT_TITLE, texts.LEFT_ERASED),
     }.get(view.standing, (texts.THANKS_TITLE, texts.THANKS_TEXT))
-    return message_page(title, text, status=200, study=visit.study.title)
+    paragraphs = (text, texts.LEFT_END) if view.standing.withdrawn else (text,)
+    return message_page(title, *paragraphs, status=200, study=visit.study.title)

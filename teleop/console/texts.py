@@ -62,8 +62,17 @@ DECLINED_TEXT = (
     "You chose not to take part, and nothing more is asked of you. "
     "Please tell the experimenter; you may close this page."
 )
-LEFT_TITLE = "You have left the study"
-LEFT_TEXT = "Nothing more is asked of you. You may close this page."
+LEFT_TITLE = "Thank you for your time"
+LEFT_KEPT = (
+    "You have left the study. What you had answered and done by then is kept under a code, without "
+    "your name. If you would rather have it erased, tell the experimenter."
+)
+LEFT_ERASING = "You have left the study. What you had answered and done is being erased."
+LEFT_ERASED = (
+    "You have left the study. What you had answered and done is erased. Only that somebody took "
+    "part under a code, and left, is still on record."
+)
+LEFT_END = "Nothing more is asked of you. You may close this page."
 
 # What went wrong
 EXPIRED_TITLE = "This link is not valid any more"
@@ -108,6 +117,8 @@ WRONG_PASSWORD = "That is not the password."
 
 # Experimenter: list
 NOBODY = "Nobody is enrolled yet. The first enrolment freezes the protocol."
+NOBODY_IN = "Nobody is under way."
+OVER_TITLE = "Finished or left ({count})"
 ENROL = "Enrol"
 ENROL_TRAINING = "Enrol a training participant"
 ENROL_TEST = "Enrol a test participant"
@@ -124,6 +135,7 @@ STANDING = {
     "finished": "finished",
     "declined": "declined",
     "withdrawn, data kept": "withdrawn, data kept",
+    "withdrawn, being erased": "withdrawn, being erased",
     "withdrawn, data erased": "withdrawn, data erased",
 }
 LIVE = "Follows the study by itself."
@@ -134,11 +146,14 @@ NEXT_PAGE = "Nothing: “{title}” is on the participant’s page."
 NEXT_START = "Start “{title}” and ask the participant to the wheel."
 NEXT_RESUME = "Resume “{title}”: it was begun and is not finished."
 NEXT_RUNNING = "Nothing: “{title}” is running at the wheel."
+NEXT_COMPUTING = "Nothing: the computer is at “{title}”."
 NEXT_COMPUTE = "Start “{title}”; the computer does it alone."
 NEXT_OTHER_RUNS = "Wait: {participant} is at the wheel."
 NEXT_FINISHED = "Nothing: finished."
 NEXT_DECLINED = "Nothing: declined to take part."
 NEXT_LEFT = "Nothing: withdrawn."
+NEXT_ERASING = "Nothing: the data are being erased."
+NEXT_ERASE = "Erase the data once more: that was cut off."
 
 # Experimenter: one participant
 PERSON_TITLE = "Participant {id}"
@@ -172,6 +187,7 @@ REDO = "Redo"
 REDO_TEXT = "“{title}” opens again. What was recorded stays in the study and no longer counts."
 REDO_DO = "Redo “{title}”"
 NOTES_TITLE = "Notes"
+AT_UTC = "{day} {minute} UTC"
 NOTES_NONE = "No notes yet."
 NOTE_LABEL = "New note; no names or contacts"
 NOTE_SAVE = "Keep note"
@@ -184,7 +200,13 @@ WITHDRAW_TEXT = (
 )
 WITHDRAW_WHAT = "What happens to the data?"
 WITHDRAW_KEEP = "Keep what was recorded so far"
-WITHDRAW_ERASE = "Erase it: answers, labels and recordings. This cannot be undone."
+WITHDRAW_ERASE = (
+    "Erase it: answers, labels and recordings, and the study’s exports and reports, which hold "
+    "some of it and can be made anew. This cannot be undone."
+)
+ERASE_TITLE = "Erase the data"
+ERASE_TEXT = "For a participant who has left and now wants their data erased."
+ERASE_DO = "Erase the data of this participant"
 WITHDRAW_TYPE = "Type {id} to confirm"
 WITHDRAW_DO = "Withdraw this participant"
 WITHDRAW_CHOOSE = "Choose what happens to the data: keep or erase."
@@ -195,8 +217,9 @@ CHECKS_TITLE = "Checks of the whole study"
 CHECKS_BUSY = "Checking now; this page follows by itself."
 CHECKS_AT = "Checked at {at} UTC."
 CHECKS_AGAIN = "Check again"
-CHECKS_WELL = "All {count} checks are well."
+CHECKS_WELL = "Nothing is wrong in {count} checks."
 CHECKS_BAD_ONE = "One of {count} checks needs you."
 CHECKS_BAD = "{bad} of {count} checks need you."
 WELL = "well"
+TO_KNOW = "to know"
 NEEDS_YOU = "needs you"

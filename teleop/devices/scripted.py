@@ -13,6 +13,11 @@ class ScriptedDevice:
         self._last = DeviceSample(wheel=None, ok=False)
 
     @property
+    def teacher(self) -> Teacher:
+        """Who steers."""
+        return self._teacher
+
+    @property
     def info(self) -> DeviceInfo:
         """The teacher's name."""
         return DeviceInfo(kind=InputKind.SCRIPTED, name=self._teacher.name)

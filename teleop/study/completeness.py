@@ -1,39 +1,49 @@
 """What is missing of a participant, and how it stands with their device and the loop's timing."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 from steerlab.analysis.surveys.questionnaire import InvalidAnswer
-from steerlab.sim.store_records import AttemptStatus
+from steerlab.sim.store_records import Attempt, AttemptStatus
+from steerlab.sim.store_teaching import read_taught
 from steerlab.teleop.study.contract import Finding, PhaseKind, PhaseState, Standing
 from steerlab.teleop.study.opened import OpenStudy
 from steerlab.teleop.study.pages import missing_answers
 from steerlab.teleop.study.progress import Progress, answers_of, finished_rollouts
 
-_LEFT = (Standing.DECLINED, Standing.WITHDRAWN_KEPT, Standing.WITHDRAWN_ERASED)
 
+def person_findings(
+    study: OpenStudy, place: Progress, finished: Sequence[Attempt]
+) -> Iterator[Finding]:
+    """What is missing, out of range or flagged of one participant.
 
-def person_findings(study: OpenStudy, place: Progress) -> Iterator[Finding]:
-    """What is missing, out of range or flagged of one participant."""
+    Who has not finished yet is a notice: a study that is under way is in order.
+
+    Args:
+        finished: everybody's finished attempts.
+    """
     view = place.view
-    if view.standing is Standing.WITHDRAWN_ERASED:
+    if view.standing in (Standing.ERASING, Standing.WITHDRAWN_ERASED):
         return
-    problems = [*_unfinished(place), *_missing(study, place)]
+    rollouts = finished_rollouts(study, place, finished)
+    problems = list(_missing(study, place, rollouts))
     for found, mend in problems:
         yield Finding(what=view.id, found=found, ok=False, mend=mend)
+    if unfinished := _unfinished(place):
+        yield Finding(what=view.id, found=unfinished, ok=True, notice=True)
     if skipped := [phase.id for phase, state in view.phases if state is PhaseState.SKIPPED]:
         reasons = {place.acts[phase][-1].detail for phase in skipped}
         found = f"skipped {', '.join(skipped)}: {'; '.join(sorted(reasons))}"
-        yield Finding(what=view.id, found=found, ok=True)
+        yield Finding(what=view.id, found=found, ok=True, notice=True)
     flagged = [
         f"{attempt.rollout} ({', '.join(flag.name for flag in flags)})"
-        for attempt in finished_rollouts(study, place).values()
+        for attempt in (*rollouts.values(), *_taught(study, place, finished))
         if (flags := study.store.flags(attempt))
     ]
     if flagged:
         found = f"the computer could not keep time in {', '.join(flagged)}"
         mend = "Let them redo the rollouts, or leave these out as the protocol says."
         yield Finding(what=view.id, found=found, ok=False, mend=mend)
-    if not problems and not flagged:
+    if not (problems or unfinished or flagged):
         yield Finding(what=view.id, found=f"{view.standing}, nothing missing", ok=True)
 
 
@@ -70,18 +80,32 @@ def session_findings(study: OpenStudy, place: Progress) -> list[Finding]:
     return [*found, Finding(what="Timing", found=text, ok=not flags, mend=mend)]
 
 
-def _unfinished(place: Progress) -> Iterator[tuple[str, str]]:
+def _taught(study: OpenStudy, place: Progress, finished: Sequence[Attempt]) -> list[Attempt]:
+    """The attempts that count of those that robots were taught in."""
+    keys = {
+        (one.rollout, one.attempt)
+        for phase, _ in place.view.phases
+        if phase.kind is PhaseKind.TEACH
+        for one in read_taught(study.store.connection, place.view.id, phase.id)
+    }
+    return [
+        one
+        for one in finished
+        if one.participant == place.view.id and (one.rollout, one.attempt) in keys
+    ]
+
+
+def _unfinished(place: Progress) -> str:
     view = place.view
-    if view.standing in _LEFT or (phase := view.next_phase) is None:
-        return
+    if (phase := view.next_phase) is None:
+        return ""
     left = sum(s not in (PhaseState.DONE, PhaseState.SKIPPED) for _, s in view.phases)
-    yield (
-        f"unfinished: {left} of {len(view.phases)} phases are left, the next is {phase.id}",
-        "Go on with them, or withdraw them.",
-    )
+    return f"not finished yet: {left} of {len(view.phases)} phases are left, next {phase.id}"
 
 
-def _missing(study: OpenStudy, place: Progress) -> Iterator[tuple[str, str]]:
+def _missing(
+    study: OpenStudy, place: Progress, rollouts: Mapping[str, Attempt]
+) -> Iterator[tuple[str, str]]:
     """In phases that are marked as done, nothing may be missing."""
     mend = "Open the phase again with study redo."
     for phase, state in place.view.phases:
@@ -96,7 +120,6 @@ def _missing(study: OpenStudy, place: Progress) -> Iterator[tuple[str, str]]:
                     study.questionnaires[key].check(item, value)
                 except InvalidAnswer as error:
                     yield f"{phase.id}, {key}: {error}", mend
-        if phase.kind is PhaseKind.CALIBRATION:
-            lacking = set(place.protocol.rollouts) - set(finished_rollouts(study, place))
-            if lacking:
-                yield f"{phase.id} is done, but lacks {', '.join(sorted(lacking))}", mend
+        lacking = set(place.protocol.rollouts) - set(rollouts)
+        if phase.kind is PhaseKind.CALIBRATION and lacking:
+            yield f"{phase.id} is done, but lacks {', '.join(sorted(lacking))}", mend

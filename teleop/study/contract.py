@@ -73,7 +73,13 @@ class Standing(StrEnum):
     FINISHED = "finished"
     DECLINED = "declined"  # said no to the consent form
     WITHDRAWN_KEPT = "withdrawn, data kept"
+    ERASING = "withdrawn, being erased"  # until the erasure is said again, if it was cut off
     WITHDRAWN_ERASED = "withdrawn, data erased"
+
+    @property
+    def withdrawn(self) -> bool:
+        """They left, whatever became of their data."""
+        return self in (Standing.WITHDRAWN_KEPT, Standing.ERASING, Standing.WITHDRAWN_ERASED)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -105,12 +111,19 @@ class ParticipantView:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Finding:
-    """One line of a check; ``mend`` is empty where all is well."""
+    """One line of a check.
+
+    Attributes:
+        ok: nothing is wrong.
+        mend: what to do; empty where there is nothing to do.
+        notice: nothing is wrong, and yet it should be known: who has not finished yet.
+    """
 
     what: str
     found: str
     ok: bool
     mend: str = ""
+    notice: bool = False
 
 
 class StudyAccess(Protocol):
@@ -148,7 +161,7 @@ class StudyAccess(Protocol):
         ...
 
     def participant_of(self, token: str) -> str | None:
-        """Whose token it is; None if nobody's, or if it has ended."""
+        """Whose token it is, also after they have left; None if nobody's, or if it has ended."""
         ...
 
     def questionnaire(self, key: str) -> Questionnaire:
@@ -181,15 +194,22 @@ class StudyAccess(Protocol):
         """
         ...
 
-    def consent(self, participant: str, *, given: bool) -> None:
-        """Record the decision, with version and hash of the text that was shown.
-
-        A yes finishes the consent phase; a no ends the participant's way.
-        """
+    def consent_text(self, participant: str) -> tuple[int, Sequence[str]]:
+        """Version and paragraphs: the newest, or those that the participant has decided on."""
         ...
 
-    def consent_text(self) -> tuple[int, Sequence[str]]:
-        """Version and paragraphs."""
+    def consent(self, participant: str, *, given: bool, shown: int | None = None) -> None:
+        """Record the decision, with version and hash of the text.
+
+        A yes finishes the consent phase; a no ends the participant's way.
+
+        Args:
+            shown: version of the text that the decision was made on; None for the newest.
+
+        Raises:
+            StudyError: another text than the one shown is valid by now, or the other decision was
+                made before.
+        """
         ...
 
     def note(self, participant: str | None, text: str) -> None:

@@ -4,6 +4,7 @@ from steerlab.sim.store_people import Enrolment, insert_enrolment, read_enrolmen
 from steerlab.teleop.study.contract import Role, StudyError
 from steerlab.teleop.study.opened import OpenStudy
 from steerlab.teleop.study.orders import allocation, order_at
+from steerlab.teleop.study.plans import ConsentText
 from steerlab.teleop.study.protocol import StudyProtocol
 from steerlab.teleop.study.protocol_file import protocol_sha256, read_protocol_text
 
@@ -61,7 +62,8 @@ def amend(study: OpenStudy, why: str) -> int:
         the new version's number.
 
     Raises:
-        StudyError: nothing is frozen yet, nothing changed, no reason is given, or the file is wrong.
+        StudyError: nothing is frozen yet, nothing changed, no reason is given, the file is wrong,
+            or the consent text was changed under its old version.
     """
     if not why.strip():
         raise StudyError('An amendment needs its reason; give it with --why "...".')
@@ -82,7 +84,19 @@ def amend(study: OpenStudy, why: str) -> int:
             raise StudyError(
                 f"The protocol is as version {versions[-1].version} has it; change the file first."
             )
+        before = [study.protocol_of(one.version).consent for one in versions]
+        _check_consent(study.draft().consent, before)
         return study.freeze(" ".join(why.split()))
+
+
+def _check_consent(now: ConsentText, before: list[ConsentText]) -> None:
+    """A version of the consent text says which words somebody agreed to, so it names one text."""
+    same = [one for one in before if one.version == now.version]
+    if same and same[0].text != now.text:
+        raise StudyError(
+            f"The consent text was changed and is still called version {now.version}; "
+            f"set consent.version to {max(one.version for one in before) + 1}."
+        )
 
 
 def _next_pseudonym(study: OpenStudy, prefix: str) -> str:

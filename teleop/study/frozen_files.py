@@ -39,12 +39,12 @@ def model_findings(study: OpenStudy) -> Iterator[Finding]:
             continue
         if mine.model_sha256 not in hashes:
             found = f"w of {participant} comes from a network that was removed"
-            mend = "Train enough participants, then withdraw again, which finds it anew."
+            mend = "Once enough training participants have finished: steerlab study train DIR"
             yield Finding(what="Network", found=found, ok=False, mend=mend)
         if mine.outside:
             found = f"{participant} corrects unlike the training participants"
             mend = "Look at their labels before trusting the mapped ones."
-            yield Finding(what="Network", found=found, ok=True, mend=mend)
+            yield Finding(what="Network", found=found, ok=True, mend=mend, notice=True)
 
 
 def people_in_use(study: OpenStudy) -> set[str]:

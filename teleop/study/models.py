@@ -51,12 +51,15 @@ def training_people(study: OpenStudy) -> list[Progress]:
 
 
 def train(study: OpenStudy, progress: ProgressBar) -> FrozenModel:
-    """Train the network on all who may be trained on, and freeze it.
+    """Train the network on all who may be trained on, and freeze it; then find each w under it.
 
     Raises:
-        StudyError: there is a frozen one already, or too few people finished.
+        StudyError: there is a frozen one already and every w is from it, or too few people
+            finished.
     """
     if (known := frozen_model(study)) is not None:
+        if _find_anew(study, known, progress):
+            return known
         raise StudyError(
             f"The network is frozen since {known.at_utc} ({known.file}); test participants are "
             f"compared under one network, so it is not trained again."
@@ -88,6 +91,7 @@ def train(study: OpenStudy, progress: ProgressBar) -> FrozenModel:
         insert_model(study.store.connection, file=file, sha256=digest, people=names, inputs=inputs)
     frozen = frozen_model(study)
     assert frozen is not None
+    _find_anew(study, frozen, progress)
     return frozen
 
 
@@ -174,18 +178,24 @@ def renew(study: OpenStudy, progress: ProgressBar) -> None:
     """
     if not read_models(study.store.connection):
         return
-    if frozen_model(study) is None:
-        if len(training_people(study)) < study.current().mapper.minimum_people:
-            return
-        train(study, progress)
     model = frozen_model(study)
-    assert model is not None
+    if model is not None:
+        _find_anew(study, model, progress)
+    elif len(training_people(study)) >= study.current().mapper.minimum_people:
+        train(study, progress)
+
+
+def _find_anew(study: OpenStudy, model: FrozenModel, progress: ProgressBar) -> int:
+    """Find each w that comes from a network that was removed; how many there were."""
     known = read_embeddings(study.store.connection)
+    found = 0
     for place in everybody(study):
         mine, phase = known.get(place.view.id), place.of_kind(PhaseKind.CALIBRATE_W)
         done = phase is not None and place.state(phase.id) is PhaseState.DONE
         if done and mine is not None and mine.model_sha256 != model.sha256:
             calibrate_participant(study, place.view.id, progress)
+            found += 1
+    return found
 
 
 def _series(study: OpenStudy, place: Progress) -> list[LabelSeries]:

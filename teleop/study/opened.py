@@ -74,6 +74,14 @@ class OpenStudy:
         versions = self.versions()
         if versions:
             return self.protocol_of(versions[-1].version)
+        return self.draft()
+
+    def draft(self) -> StudyProtocol:
+        """The file as it is now.
+
+        Raises:
+            StudyError: it is wrong.
+        """
         return self._parse(read_protocol_text(self.folder))
 
     def check_unchanged(self) -> None:

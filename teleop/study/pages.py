@@ -5,7 +5,13 @@ from hashlib import sha256
 
 from steerlab.analysis.surveys.questionnaire import UnknownItem
 from steerlab.sim.store_answers import Value, insert_response
-from steerlab.sim.store_people import PhaseAct, insert_consent, insert_phase_event, read_consents
+from steerlab.sim.store_people import (
+    PhaseAct,
+    insert_consent,
+    insert_phase_event,
+    read_consented_sha256,
+    read_consents,
+)
 from steerlab.teleop.study.contract import Phase, PhaseKind, PhaseState, Standing, StudyError
 from steerlab.teleop.study.opened import OpenStudy
 from steerlab.teleop.study.plans import ConsentText
@@ -18,11 +24,29 @@ def consent_sha256(text: ConsentText) -> str:
     return sha256("\n\n".join(text.text).encode()).hexdigest()
 
 
-def consent(study: OpenStudy, participant: str, *, given: bool) -> None:
+def consent_text(study: OpenStudy, participant: str) -> ConsentText:
+    """What the participant has decided on; before that, what is valid now: the newest text.
+
+    The newest, whichever version of the protocol they were enrolled under: a wording that the
+    committee has replaced is shown to nobody any more.
+    """
+    decided = read_consented_sha256(study.store.connection, participant)
+    for version in study.versions():
+        text = study.protocol_of(version.version).consent
+        if consent_sha256(text) == decided:
+            return text
+    return study.current().consent
+
+
+def consent(study: OpenStudy, participant: str, *, given: bool, shown: int | None = None) -> None:
     """Keep the decision; the same one twice changes nothing.
 
+    Args:
+        shown: version of the text that the decision was made on; None for the newest.
+
     Raises:
-        StudyError: it was made before, and otherwise; or the participant has left.
+        StudyError: another text is valid by now, the decision was made before and otherwise, or
+            the participant has left.
     """
     connection = study.store.connection
     with connection.transaction(f"keep the consent of {participant!r}", durable=True):
@@ -38,7 +62,12 @@ def consent(study: OpenStudy, participant: str, *, given: bool) -> None:
         phase = _next(place, None)
         if phase.kind is not PhaseKind.CONSENT:
             raise StudyError(f"{participant} is at {phase.id!r}, which asks for no consent.")
-        text = study.current().consent  # what ``consent_text`` shows, whenever they were enrolled
+        text = consent_text(study, participant)
+        if shown not in (None, text.version):
+            raise StudyError(
+                f"{participant} decided on version {shown} of the information, and version "
+                f"{text.version} is valid now; show them that one."
+            )
         insert_consent(
             connection, participant, given=given, version=text.version, sha256=consent_sha256(text)
         )

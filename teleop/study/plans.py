@@ -143,6 +143,8 @@ class AnalysisPlan:
             raise ProtocolError("alpha", self.alpha, "between 0 and 1")
         if self.correction not in CORRECTIONS:
             raise ProtocolError("correction", self.correction, f"one of {', '.join(CORRECTIONS)}")
+        for place, rule in enumerate(self.exclusions, start=1):
+            check_words(f"exclusions[{place}]", rule)
         ids = [one.id for one in self.hypotheses]
         for place, id_ in enumerate(ids, start=1):
             if id_ in ids[: place - 1]:

@@ -1,7 +1,8 @@
 """Where a participant stands, worked out from what is on record: so a crash loses no place."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from steerlab.sim.store_answers import Response, Value, read_responses
 from steerlab.sim.store_people import (
@@ -15,6 +16,7 @@ from steerlab.sim.store_people import (
     read_phase_events,
 )
 from steerlab.sim.store_records import Attempt, AttemptStatus
+from steerlab.sim.store_teaching import read_taught
 from steerlab.teleop.study.contract import (
     ParticipantView,
     Phase,
@@ -87,25 +89,34 @@ def progress_of(study: OpenStudy, participant: str) -> Progress:
     enrolled = read_enrolments(study.store.connection)
     for enrolment in enrolled:
         if enrolment.participant == participant:
-            return _progress(study, enrolment)
+            return _progress(_Records(study, participant), enrolment)
     known = ", ".join(one.participant for one in enrolled) or "nobody"
     raise StudyError(f"{participant!r} is not enrolled; enrolled are: {known}.")
 
 
 def everybody(study: OpenStudy) -> list[Progress]:
     """Everyone's place, in the order in which they were enrolled."""
-    return [_progress(study, one) for one in read_enrolments(study.store.connection)]
+    records = _Records(study)
+    return [_progress(records, one) for one in read_enrolments(study.store.connection)]
 
 
-def finished_rollouts(study: OpenStudy, place: Progress) -> dict[str, Attempt]:
-    """The attempt that counts at each calibration rollout that the participant finished."""
+def finished_rollouts(
+    study: OpenStudy, place: Progress, attempts: Sequence[Attempt] | None = None
+) -> dict[str, Attempt]:
+    """The attempt that counts at each calibration rollout that the participant finished.
+
+    Args:
+        attempts: everybody's finished ones, where many participants are asked about.
+    """
     phase = place.of_kind(PhaseKind.CALIBRATION)
     if phase is None:
         return {}
     first = place.first_attempt(phase.id)
+    if attempts is None:
+        attempts = study.store.attempts(AttemptStatus.FINISHED)
     return {
         attempt.rollout: attempt  # the last one stays
-        for attempt in study.store.attempts(AttemptStatus.FINISHED)
+        for attempt in attempts
         if attempt.participant == place.view.id
         and attempt.order_index >= first
         and attempt.rollout in place.protocol.rollouts
@@ -124,11 +135,38 @@ def answers_of(study: OpenStudy, place: Progress, phase: str) -> dict[str, dict[
     }
 
 
-def _progress(study: OpenStudy, enrolment: Enrolment) -> Progress:
-    protocol = study.protocol_of(enrolment.protocol_version)
+@dataclass(frozen=True)
+class _Records:
+    """What is on record of one participant or of all, each table read once and when needed."""
+
+    study: OpenStudy
+    participant: str | None = None
+
+    @cached_property
+    def acts(self) -> Mapping[str, Sequence[PhaseEvent]]:
+        found: dict[str, list[PhaseEvent]] = {}
+        for act in read_phase_events(self.study.store.connection, self.participant):
+            found.setdefault(act.participant, []).append(act)
+        return found
+
+    @cached_property
+    def departures(self) -> Mapping[str, Departure]:
+        return read_departures(self.study.store.connection)
+
+    @cached_property
+    def consents(self) -> Mapping[str, bool]:
+        return read_consents(self.study.store.connection)
+
+    @cached_property
+    def finished(self) -> Sequence[Attempt]:
+        return self.study.store.attempts(AttemptStatus.FINISHED)
+
+
+def _progress(records: _Records, enrolment: Enrolment) -> Progress:
+    protocol = records.study.protocol_of(enrolment.protocol_version)
     role, participant = Role(enrolment.role), enrolment.participant
     acts: dict[str, list[PhaseEvent]] = {}
-    for act in read_phase_events(study.store.connection, participant):
+    for act in records.acts.get(participant, ()):
         acts.setdefault(act.phase, []).append(act)
     phases = tuple(
         (phase, _STATES[acts[phase.id][-1].act] if phase.id in acts else PhaseState.WAITING)
@@ -138,7 +176,7 @@ def _progress(study: OpenStudy, enrolment: Enrolment) -> Progress:
         view=ParticipantView(
             id=participant,
             role=role,
-            standing=_standing(study, participant, [state for _, state in phases]),
+            standing=_standing(records, participant, [state for _, state in phases]),
             order=enrolment.order,
             phases=phases,
             protocol_version=enrolment.protocol_version,
@@ -146,16 +184,21 @@ def _progress(study: OpenStudy, enrolment: Enrolment) -> Progress:
         protocol=protocol,
         acts={phase: tuple(them) for phase, them in acts.items()},
     )
-    return replace(place, view=replace(place.view, progress=_words(study, place)))
+    return replace(place, view=replace(place.view, progress=_words(records, place)))
 
 
-def _standing(study: OpenStudy, participant: str, states: list[PhaseState]) -> Standing:
-    connection = study.store.connection
-    left = read_departures(connection).get(participant)
+_LEFT = {
+    Departure.KEPT: Standing.WITHDRAWN_KEPT,
+    Departure.ERASING: Standing.ERASING,
+    Departure.ERASED: Standing.WITHDRAWN_ERASED,
+}
+
+
+def _standing(records: _Records, participant: str, states: list[PhaseState]) -> Standing:
+    left = records.departures.get(participant)
     if left is not None:
-        kept = left is Departure.KEPT
-        return Standing.WITHDRAWN_KEPT if kept else Standing.WITHDRAWN_ERASED
-    if read_consents(connection).get(participant) is False:
+        return _LEFT[left]
+    if records.consents.get(participant) is False:
         return Standing.DECLINED
     if all(state in (PhaseState.DONE, PhaseState.SKIPPED) for state in states):
         return Standing.FINISHED
@@ -164,15 +207,19 @@ def _standing(study: OpenStudy, participant: str, states: list[PhaseState]) -> S
     return Standing.RUNNING
 
 
-def _words(study: OpenStudy, place: Progress) -> str:
+def _words(records: _Records, place: Progress) -> str:
     """How far the phase got that is under way."""
-    phase = place.view.next_phase
+    study, phase = records.study, place.view.next_phase
     if phase is None or place.state(phase.id) is not PhaseState.STARTED:
         return ""
     if phase.kind is PhaseKind.CALIBRATION:
-        return f"{len(finished_rollouts(study, place))} of {len(place.protocol.rollouts)} rollouts"
+        finished = finished_rollouts(study, place, records.finished)
+        return f"{len(finished)} of {len(place.protocol.rollouts)} rollouts"
     if phase.kind is PhaseKind.QUESTIONNAIRES:
         asked = sum(len(study.questionnaires[key].items) for key in phase.questionnaires)
         given = sum(map(len, answers_of(study, place, phase.id).values()))
         return f"{given} of {asked} answers"
+    if phase.kind is PhaseKind.TEACH:
+        taught = read_taught(study.store.connection, place.view.id, phase.id)
+        return f"{len(taught)} of {place.protocol.demonstrations + 1} drives"
     return ""

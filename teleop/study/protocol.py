@@ -14,10 +14,12 @@ from steerlab.teleop.study.plans import (
     WheelPlan,
 )
 from steerlab.teleop.study.protocol_error import ProtocolError, check_words
+from steerlab.teleop.teaching.conditions import TAUGHT
+from steerlab.teleop.teaching.plan import TeachPlan
 
 _KEY = re.compile(r"[a-z][a-z0-9_-]{0,31}")
 KEY_WORDS = "lower-case letters, digits, - and _, starting with a letter, 32 at most"
-CONDITIONS = ("mind_meld", "bc", "dagger", "oracle")
+CONDITIONS = tuple(TAUGHT)
 """What test participants can teach with; the paper compares the first three."""
 MOST_CONDITIONS = 4  # 24 orders; more would need blocks that no study fills
 _PREFIX = re.compile(r"[A-Z]{1,4}")
@@ -85,7 +87,7 @@ class StudyProtocol:
     Attributes:
         seed: of the condition orders, the practice worlds and the training.
         rollouts: names of the calibration rollouts, in the order in which they are corrected.
-        demonstrations: of each condition; N in the paper's Algorithm 1.
+        demonstrations: rounds of each condition, after its first drive; N in the paper's Algorithm 1.
         block_size: condition orders are balanced within each block of so many test participants.
         training_prefix, test_prefix: of the pseudonyms.
     """
@@ -97,13 +99,14 @@ class StudyProtocol:
     phases: tuple[PhasePlan, ...]
     conditions: tuple[Condition, ...]
     block_size: int
-    demonstrations: int = 5
+    demonstrations: int = 12
     training_prefix: str = "T"
     test_prefix: str = "P"
     practice: PracticePlan = field(default_factory=PracticePlan)
     display: DisplayPlan = field(default_factory=DisplayPlan)
     wheel: WheelPlan = field(default_factory=WheelPlan)
     mapper: MapperPlan = field(default_factory=MapperPlan)
+    teaching: TeachPlan = field(default_factory=TeachPlan)
     gates: GateConfig = field(default_factory=GateConfig)
     plan: AnalysisPlan = field(default_factory=AnalysisPlan)
 

@@ -36,6 +36,7 @@ from steerlab.teleop.study.toml_records import (
     records_at,
     value_of,
 )
+from steerlab.teleop.teaching.plan import TeachPlan
 
 PROTOCOL_FILE, QUESTIONNAIRES = "study.toml", "questionnaires"
 FORMAT = 1
@@ -54,6 +55,7 @@ _SECTIONS: dict[str, type] = {
     "display": DisplayPlan,
     "wheel": WheelPlan,
     "mapper": MapperPlan,
+    "teaching": TeachPlan,
     "gates": GateConfig,
     "plan": AnalysisPlan,
 }

@@ -1,12 +1,10 @@
 """Opening a finished phase again: what was recorded stays, and no longer counts."""
 
 from steerlab.sim.store_people import PhaseAct, insert_phase_event
-from steerlab.teleop.study.contract import PhaseKind, PhaseState, Role, StudyError
+from steerlab.teleop.study.contract import PhaseKind, PhaseState, Role, Standing, StudyError
 from steerlab.teleop.study.frozen_files import people_in_use
 from steerlab.teleop.study.opened import OpenStudy
 from steerlab.teleop.study.progress import progress_of
-
-_LEFT = ("withdrawn", "declined")
 
 
 def redo(study: OpenStudy, participant: str, phase: str) -> None:
@@ -20,7 +18,7 @@ def redo(study: OpenStudy, participant: str, phase: str) -> None:
     with connection.transaction(f"open {phase!r} of {participant!r} again", durable=True):
         place = progress_of(study, participant)
         view, at = place.view, place.phase(phase)
-        if view.standing.value.startswith(_LEFT):
+        if view.standing.withdrawn or view.standing is Standing.DECLINED:
             raise StudyError(f"{participant} has left ({view.standing}); nothing is redone.")
         if at.kind is PhaseKind.CONSENT:
             raise StudyError(f"Consent is given once; to end it, withdraw {participant}.")

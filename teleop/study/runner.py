@@ -14,10 +14,10 @@ from steerlab.teleop.sitting import Sitting, SittingConfig, practise
 from steerlab.teleop.study.contract import Phase, PhaseKind, PhaseState, StudyError
 from steerlab.teleop.study.opened import OpenStudy
 from steerlab.teleop.study.progress import Progress, finished_rollouts, progress_of
+from steerlab.teleop.study.scripted_practice import practise_scripted
 from steerlab.teleop.study.teaching import UNAVAILABLE, Teachings, TeachRequest
 from steerlab.teleop.study.way import PAGES
 
-_UNATTENDED = (InputKind.SCRIPTED, InputKind.TRACE)
 ProgressBar = Callable[[str, float], None]
 
 
@@ -122,18 +122,23 @@ class _Phase:
                 return self._teach()
 
     def _practice(self) -> tuple[bool, str]:
-        device = self.config.device
-        if not isinstance(device, str) or device.partition(":")[0] in _UNATTENDED:
-            return self._skip("scripted participants need no practice")
+        device, protocol = self.config.device, self.place.protocol
+        kind = device.partition(":")[0] if isinstance(device, str) else device.info.kind
+        if kind == InputKind.TRACE:
+            return self._skip("a recorded trace has no practice drive in it")
         self._start()
-        protocol = self.place.protocol
-        plan = protocol.practice
-        result = practise(
-            device,
-            PracticeConfig(balls=plan.balls, pedals=plan.pedals, time_limit_s=plan.time_limit_s),
-            protocol.display.screen(),
-            autocentre=protocol.wheel.strength,
+        config = PracticeConfig(
+            balls=protocol.practice.balls,
+            pedals=protocol.practice.pedals,
+            seed=protocol.seed,
+            time_limit_s=protocol.practice.time_limit_s,
+            countdown_s=protocol.display.countdown_s,
         )
+        if isinstance(device, str) and kind != InputKind.SCRIPTED:
+            screen, autocentre = protocol.display.screen(), protocol.wheel.strength
+            result = practise(device, config, screen, autocentre=autocentre)
+        else:
+            result = practise_scripted(config)
         said = f"{result.balls} balls reached, {result.crashes} blocks hit"
         if result.stopped:
             return False, f"stopped; {said}"
@@ -161,11 +166,7 @@ class _Phase:
                     show_agent_wheel=protocol.display.show_agent_wheel,
                     gates=protocol.gates,
                 ),
-                settings={
-                    "phase": self.phase.id,
-                    "protocol_version": str(view.protocol_version),
-                    "protocol_sha256": self.study.versions()[view.protocol_version - 1].sha256,
-                },
+                settings=self._settings(),
             ),
             lock=self.lock,
         )
@@ -207,11 +208,20 @@ class _Phase:
                 device=self.config.device,
                 lock=self.lock,
                 progress=self.config.progress,
+                viewer=self.config.viewer,
+                recordings=self.config.recordings,
+                settings=self._settings(),
             )
         )
         if not taught.finished:
             return False, taught.detail
         return self._end(PhaseAct.DONE, taught.detail)
+
+    def _settings(self) -> dict[str, str]:
+        """Kept with the session at the wheel."""
+        version = self.place.view.protocol_version
+        sha256 = self.study.versions()[version - 1].sha256
+        return {"phase": self.phase.id, "protocol_version": str(version), "protocol_sha256": sha256}
 
     def _start(self) -> None:
         if self.place.state(self.phase.id) is PhaseState.WAITING:
@@ -228,15 +238,13 @@ class _Phase:
             for one, _ in self.place.view.phases
             if self.phase.condition is not None and one.condition == self.phase.condition
         ]
-        connection = self.study.store.connection
-        view = self.place.view
-        with connection.transaction(f"skip {self.phase.id!r} of {view.id!r}", durable=True):
+        connection, who = self.study.store.connection, self.place.view.id
+        with connection.transaction(f"skip {self.phase.id!r} of {who!r}", durable=True):
             for one in about or [self.phase]:
-                insert_phase_event(connection, view.id, one.id, PhaseAct.SKIPPED, why)
+                insert_phase_event(connection, who, one.id, PhaseAct.SKIPPED, why)
         return True, f"skipped: {why}"
 
     def _record(self, phase: Phase, act: PhaseAct, detail: str) -> None:
-        connection = self.study.store.connection
-        view = self.place.view
+        connection, who = self.study.store.connection, self.place.view.id
         with connection.transaction(f"keep that {phase.id!r} is {act}", durable=True):
-            insert_phase_event(connection, view.id, phase.id, act, detail)
+            insert_phase_event(connection, who, phase.id, act, detail)

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from typing import get_args
 
 from steerlab.sim.populations import PopulationKind, sample_population
+from steerlab.sim.rollout import Outcome
 from steerlab.sim.scripted_teacher import ScriptedTeacher
+from steerlab.sim.store_teaching import read_taught
 from steerlab.teleop.devices.scripted import ScriptedDevice
 from steerlab.teleop.study.contract import Phase, PhaseKind, StudyError
 from steerlab.teleop.study.opened import OpenStudy
@@ -82,11 +84,26 @@ class ScriptedParticipant:
             self.seed,
             AnswerModel(population=self.kind, effects=self.effects),
         )
+        success = _success(study, place, phase)
         for key in phase.questionnaires:
-            for item, value in respondent.answers(asked[key], occasion=phase.id).items():
+            given = respondent.answers(asked[key], occasion=phase.id, success=success)
+            for item, value in given.items():
                 save_answer(study, participant, phase.id, key, item, value)
         if missing := submit(study, participant, phase.id):
             raise StudyError(f"No script answers {dict(missing)} of {phase.id!r}.")
+
+
+def _success(study: OpenStudy, place: Progress, phase: Phase) -> float | None:
+    """Share of the drives they watched that reached the ball; None if ``phase`` is about none."""
+    outcomes = [
+        taught.outcome
+        for one, _ in place.view.phases
+        if one.kind is PhaseKind.TEACH and one.condition == phase.condition
+        for taught in read_taught(study.store.connection, place.view.id, one.id)
+    ]
+    if not outcomes:
+        return None
+    return sum(one is Outcome.BALL_REACHED for one in outcomes) / len(outcomes)
 
 
 def _effect(plant: str) -> PlantedEffect:

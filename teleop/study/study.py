@@ -1,53 +1,47 @@
 """``Study``: the one door to a study, for the command line and the console."""
 
-import secrets
 from collections.abc import Callable, Mapping, Sequence
-from hashlib import sha256
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from steerlab.analysis.surveys.questionnaire import Questionnaire
-from steerlab.sim.store_answers import Value, insert_note, read_notes
-from steerlab.sim.store_people import insert_link, read_link_owner
+from steerlab.sim.store_answers import Value, read_notes
 from steerlab.teleop.folder_lock import RUN_LOCK, locked
 from steerlab.teleop.study.completeness import session_findings
-from steerlab.teleop.study.contract import (
-    Finding,
-    ParticipantView,
-    Role,
-    Standing,
-    StudyError,
-)
+from steerlab.teleop.study.contract import Finding, ParticipantView, Role, StudyError
 from steerlab.teleop.study.enrolment import amend, enrol
+from steerlab.teleop.study.links import new_link, participant_of
+from steerlab.teleop.study.notes import keep_note
 from steerlab.teleop.study.opened import OpenStudy
-from steerlab.teleop.study.pages import consent, save_answer, submit
-from steerlab.teleop.study.progress import answers_of, everybody, progress_of
+from steerlab.teleop.study.pages import consent, consent_text, save_answer, submit
+from steerlab.teleop.study.places import Places
+from steerlab.teleop.study.progress import answers_of
 from steerlab.teleop.study.redo import redo
 
 if TYPE_CHECKING:
     from steerlab.sim.store_frozen import FrozenModel
+    from steerlab.teleop.study.analysis_plan import FrozenPlan
     from steerlab.teleop.study.runner import RunConfig, RunReport
     from steerlab.teleop.study.verify import Verified
-
-LONGEST_NOTE = 10_000
 
 
 class Study:
     """An open study, a ``StudyAccess``; it belongs to the thread that opened it.
 
-    Everything is on the disk when a method that changes something returns.
+    Whatever a method changed is on the disk when it returns.
     """
 
     def __init__(self, opened: OpenStudy) -> None:
         self._opened = opened
+        self._places = Places(opened)
 
     @classmethod
     def open(cls, folder: Path, *, read_only: bool = False) -> Self:
         """Open the study in ``folder``.
 
         Raises:
-            SteerlabError: there is none, or its database or a questionnaire cannot be read.
+            SteerlabError: there is none, or part of it cannot be read.
         """
         return cls(OpenStudy.open(folder, read_only=read_only))
 
@@ -78,7 +72,7 @@ class Study:
 
     def participants(self) -> Sequence[ParticipantView]:
         """All, withdrawn ones too, in the order in which they were enrolled."""
-        return [place.view for place in everybody(self._opened)]
+        return [place.view for place in self._places.all()]
 
     def participant(self, participant: str) -> ParticipantView:
         """One of them.
@@ -86,7 +80,7 @@ class Study:
         Raises:
             StudyError: there is none of that id.
         """
-        return progress_of(self._opened, participant).view
+        return self._places.of(participant).view
 
     def enrol(self, role: Role) -> ParticipantView:
         """Enrol the next participant; the first one freezes the protocol.
@@ -110,22 +104,11 @@ class Study:
         Raises:
             StudyError: there is no such participant, or they have withdrawn.
         """
-        standing = self.participant(participant).standing
-        if standing in _WITHDRAWN:
-            raise StudyError(f"{participant} has left ({standing}).")
-        token = secrets.token_urlsafe(32)
-        connection = self._opened.store.connection
-        with connection.transaction(f"make a link for {participant!r}", durable=True):
-            insert_link(connection, participant, sha256(token.encode()).hexdigest())
-        return token
+        return new_link(self._opened, participant)
 
     def participant_of(self, token: str) -> str | None:
-        """Whose token it is; None if nobody's, if it has ended, or if they have withdrawn."""
-        hashed = sha256(token.encode("utf-8", "surrogatepass")).hexdigest()
-        owner = read_link_owner(self._opened.store.connection, hashed)
-        if owner is None or self.participant(owner).standing in _WITHDRAWN:
-            return None
-        return owner
+        """Whose token it is, also after they have left; None if nobody's, or if it has ended."""
+        return participant_of(self._opened, token)
 
     def questionnaire(self, key: str) -> Questionnaire:
         """One of the study's questionnaires.
@@ -140,7 +123,7 @@ class Study:
 
     def answers(self, participant: str, phase: str, questionnaire: str) -> Mapping[str, Value]:
         """What was answered so far, by item."""
-        place = progress_of(self._opened, participant)
+        place = self._places.of(participant)
         place.phase(phase)
         return answers_of(self._opened, place, phase).get(questionnaire, {})
 
@@ -163,18 +146,29 @@ class Study:
         """
         return submit(self._opened, participant, phase)
 
-    def consent(self, participant: str, *, given: bool) -> None:
-        """Record the decision, with version and hash of the text that was shown.
+    def consent_text(self, participant: str) -> tuple[int, Sequence[str]]:
+        """Version and paragraphs: the newest, or those that the participant has decided on."""
+        self._places.of(participant)
+        text = consent_text(self._opened, participant)
+        return text.version, text.text
+
+    def consent(self, participant: str, *, given: bool, shown: int | None = None) -> None:
+        """Record the decision on the text of version ``shown``; None is the newest.
 
         Raises:
-            StudyError: the other decision was made before.
+            StudyError: another version is valid by now, or the other decision was made before.
         """
-        consent(self._opened, participant, given=given)
+        consent(self._opened, participant, given=given, shown=shown)
 
-    def consent_text(self) -> tuple[int, Sequence[str]]:
-        """Version and paragraphs, as the newest protocol has them."""
-        text = self._opened.current().consent
-        return text.version, text.text
+    def analysis_plans(self) -> "Sequence[FrozenPlan]":
+        """The plan frozen before the first participant, then each that replaced it.
+
+        Raises:
+            StudyError: nothing is frozen yet.
+        """
+        from steerlab.teleop.study.analysis_plan import frozen_plans
+
+        return frozen_plans(self._opened)
 
     def note(self, participant: str | None, text: str) -> None:
         """Keep a remark of the experimenter's; None is about the study.
@@ -182,19 +176,10 @@ class Study:
         Raises:
             StudyError: it is blank or too long, or there is no such participant any more.
         """
-        text = text.strip()
-        if not 1 <= len(text) <= LONGEST_NOTE:
-            raise StudyError(
-                f"The note has {len(text)} characters; write between 1 and {LONGEST_NOTE}."
-            )
-        if participant and self.participant(participant).standing is Standing.WITHDRAWN_ERASED:
-            raise StudyError(f"{participant} was erased; nothing about them is kept.")
-        connection = self._opened.store.connection
-        with connection.transaction("keep a note", durable=True):
-            insert_note(connection, participant, text)
+        keep_note(self._opened, participant, text)
 
     def notes(self, participant: str | None) -> Sequence[tuple[str, str]]:
-        """(time in UTC, text) of each remark."""
+        """Time in UTC and text of each remark."""
         return read_notes(self._opened.store.connection, participant)
 
     def redo(self, participant: str, phase: str) -> None:
@@ -223,9 +208,9 @@ class Study:
 
     def findings(self, participant: str | None) -> Sequence[Finding]:
         """Device and timing of a participant's last session; with None, ``verify``'s findings."""
-        if participant is None:
-            return self.verify().findings
-        return session_findings(self._opened, progress_of(self._opened, participant))
+        if participant is not None:
+            return session_findings(self._opened, self._places.of(participant))
+        return self.verify().findings
 
     def verify(self, *, expected_head: str | None = None) -> "Verified":
         """Check everything; changes nothing."""
@@ -256,9 +241,6 @@ class Study:
             return train(self._opened, progress)
 
     def change_count(self) -> int:
-        """Grows with every change: each one has its entry in the audit."""
+        """Grows with every change."""
         query = "SELECT coalesce(max(id), 0) FROM audit"
         return self._opened.store.connection.read(query)[0][0]
-
-
-_WITHDRAWN = (Standing.WITHDRAWN_KEPT, Standing.WITHDRAWN_ERASED)

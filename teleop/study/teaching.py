@@ -1,7 +1,7 @@
 """The hook for learners: what a teaching phase asks of whoever can do one."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -21,6 +21,9 @@ class TeachRequest:
         mapper: the network with the participant's w; only for conditions that map labels.
         device: a specification, or a script's device itself.
         lock: the study's, which the caller holds; a recorder takes it over.
+        viewer: also show the drives live in Rerun.
+        recordings: write a Rerun recording of each attempt.
+        settings: kept with the session, such as the protocol's version.
     """
 
     folder: Path
@@ -31,6 +34,9 @@ class TeachRequest:
     device: str | Device
     lock: FolderLock
     progress: Callable[[str, float], None]
+    viewer: bool = False
+    recordings: bool = True
+    settings: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

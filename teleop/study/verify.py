@@ -24,7 +24,10 @@ from steerlab.teleop.study.opened import OpenStudy
 from steerlab.teleop.study.orders import order_at
 from steerlab.teleop.study.progress import everybody
 from steerlab.teleop.study.protocol_file import protocol_sha256
-from steerlab.teleop.study.traces import traces
+from steerlab.teleop.study.traces import strangers, traces
+from steerlab.teleop.teaching.findings import teaching_findings
+
+PLACEHOLDER = "TO BE REPLACED"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,9 +60,10 @@ def verify(study: OpenStudy, *, expected_head: str | None = None) -> Verified:
         *_protocol(study),
         *_orders(study),
         *_clock(study, entries),
-        *(one for place in everybody(study) for one in person_findings(study, place)),
+        *_people(study),
         *_inputs(study),
         *model_findings(study),
+        *teaching_findings(study),
         *_left_behind(study),
     ]
     return Verified(findings=tuple(found), head=entries[-1].sha256 or "" if entries else "")
@@ -133,6 +137,10 @@ def _protocol(study: OpenStudy) -> Iterator[Finding]:
     else:
         found = f"version {versions[-1].version}, as frozen" if versions else "not frozen yet"
         yield Finding(what="Protocol", found=found, ok=True)
+        if any(PLACEHOLDER in paragraph for paragraph in study.current().consent.text):
+            found = f"the consent text is still the template's: it says {PLACEHOLDER}"
+            mend = "Put in the text that your ethics committee approved, with the next version."
+            yield Finding(what="Consent", found=found, ok=True, mend=mend, notice=True)
 
 
 def _orders(study: OpenStudy) -> Iterator[Finding]:
@@ -174,6 +182,12 @@ def _clock(study: OpenStudy, entries: Sequence[SealedEntry]) -> Iterator[Finding
     yield Finding(what="Clock", found="never ran backwards", ok=True)
 
 
+def _people(study: OpenStudy) -> Iterator[Finding]:
+    finished = study.store.attempts(AttemptStatus.FINISHED)
+    for place in everybody(study):
+        yield from person_findings(study, place, finished)
+
+
 def _inputs(study: OpenStudy) -> Iterator[Finding]:
     """Labels of different devices are not pooled unseen."""
     roles = study.store.participants()
@@ -198,15 +212,13 @@ def _left_behind(study: OpenStudy) -> Iterator[Finding]:
             found = f"the erasure of {participant} is not finished"
             mend = f"Say again: steerlab study withdraw {study.folder} {participant} --erase"
             yield Finding(what="Withdrawal", found=found, ok=False, mend=mend)
-        if how is not Departure.KEPT:
-            for name in ("exports", "report"):
-                if (study.folder / name).exists():
-                    found = f"{name}/ may still hold data of {participant}, who were erased"
-                    mend = f"Delete {study.folder / name} and make it anew."
-                    yield Finding(what="Withdrawal", found=found, ok=True, mend=mend)
+        if how is Departure.ERASED and (others := [path.name for path in strangers(study.folder)]):
+            found = f"{', '.join(others)}: not steerlab's; may hold data of {participant}, erased"
+            mend = "Look, and delete what holds any."
+            yield Finding(what="Withdrawal", found=found, ok=True, mend=mend, notice=True)
     if running := study.store.attempts(AttemptStatus.RUNNING):
         found = f"{len(running)} were cut off, or are under way; they are redone on resuming"
-        yield Finding(what="Attempts", found=found, ok=True)
+        yield Finding(what="Attempts", found=found, ok=True, notice=True)
     missing = [
         attempt
         for attempt in study.store.attempts(AttemptStatus.FINISHED)
@@ -214,7 +226,7 @@ def _left_behind(study: OpenStudy) -> Iterator[Finding]:
     ]
     if missing:
         found = f"{len(missing)} attempts have none; steerlab replay makes them from the database"
-        yield Finding(what="Recordings", found=found, ok=True)
+        yield Finding(what="Recordings", found=found, ok=True, notice=True)
 
 
 def _recorded(study: OpenStudy, participant: str, rollout: str, attempt: int) -> bool:

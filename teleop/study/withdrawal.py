@@ -7,18 +7,20 @@ from steerlab.teleop.study.contract import StudyError
 from steerlab.teleop.study.models import ProgressBar, remove_models_of, renew
 from steerlab.teleop.study.opened import OpenStudy
 from steerlab.teleop.study.progress import progress_of
-from steerlab.teleop.study.traces import traces
+from steerlab.teleop.study.traces import delete, derived, traces
 
 
 def withdraw(study: OpenStudy, participant: str, *, erase: bool, progress: ProgressBar) -> None:
     """Let a participant leave. What a crash cut off is finished by saying it again.
 
-    Erasing removes rows, recordings and models, rewrites the database without them, trains the
-    network anew without the person if enough people are left, and leaves pseudonym, condition
-    order, and the acts in the audit, which hold no answer and no label.
+    Erasing removes rows, recordings, models, and all exports and reports, rewrites the database
+    without them, trains the network anew without the person if enough people are left, and leaves
+    pseudonym, condition order, the hash of their link, and the acts in the audit, which hold no
+    answer and no label.
 
     Raises:
-        StudyError: nobody is enrolled under that name, or their data are erased already.
+        StudyError: nobody is enrolled under that name, their data are erased already, or a file
+            cannot be deleted; say it again.
         LockedOut: a run is under way in this study.
         StoreError: another program reads the database, so that traces remain; say it again.
     """
@@ -37,8 +39,8 @@ def withdraw(study: OpenStudy, participant: str, *, erase: bool, progress: Progr
             return
         if left is not Departure.ERASING:
             erase_rows(connection, participant)
-        for path in traces(study.folder, participant):
-            path.unlink()
+        for path in (*traces(study.folder, participant), *derived(study.folder)):
+            delete(path)
         remove_models_of(study, participant)
         scrub(connection)
         renew(study, progress)

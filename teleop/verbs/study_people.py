@@ -60,9 +60,18 @@ class Amend:
 
     def do(self) -> int:
         """Record it."""
+        from steerlab.teleop.study.contract import Standing
+
         with open_study(self.folder) as study:
             version = study.amend(self.why)
+            views = study.participants()
         print(f"Version {version} of the protocol is frozen.")
+        if waiting := [view.id for view in views if view.standing is Standing.ENROLLED]:
+            print(
+                f"Enrolled before and not begun: {', '.join(waiting)}. They are shown the new "
+                "consent text, and go the old way; to let them go the new one, withdraw them and "
+                "enrol them anew."
+            )
         return 0
 
 

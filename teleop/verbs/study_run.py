@@ -62,6 +62,7 @@ class Run:
     def _config(self, progress: Callable[[str, float], None]) -> "RunConfig":
         from steerlab.teleop.study.runner import RunConfig
         from steerlab.teleop.study.scripted import ScriptedParticipant
+        from steerlab.teleop.teaching.study_teaching import all_teachings
 
         scripted = None
         if self.teacher is not None:
@@ -72,6 +73,7 @@ class Run:
             viewer=self.viewer,
             recordings=self.recordings,
             pages=scripted,
+            teachings=all_teachings(),
             progress=progress,
         )
 
@@ -93,7 +95,8 @@ class Resume:
 class Train:
     """Train the network on the finished training participants, and freeze it.
 
-    Happens by itself when the first test participant needs it.
+    Happens by itself when the first test participant needs it. After an erasure that left too few
+    people, it also finds anew each w that came from the network that was removed.
     """
 
     folder: Folder
@@ -108,7 +111,10 @@ class Train:
 
 @dataclass(frozen=True, kw_only=True)
 class Verify:
-    """Check that what is kept is whole, unchanged and complete; exit code 1 if it is not."""
+    """Check that what is kept is whole, unchanged and complete; exit code 1 if it is not.
+
+    Who has not finished yet, and what was left out on record, is a note and no defect.
+    """
 
     folder: Folder
     expect_head: Annotated[
@@ -143,6 +149,7 @@ def _say_run(participant: str, report: "RunReport") -> int:
 
 
 def _say_finding(finding: "Finding") -> None:
-    print(f"{'ok  ' if finding.ok else 'BAD '} {finding.what}: {finding.found}")
+    verdict = "BAD " if not finding.ok else "note" if finding.notice else "ok  "
+    print(f"{verdict} {finding.what}: {finding.found}")
     if finding.mend:
         print(f"       mend: {finding.mend}")

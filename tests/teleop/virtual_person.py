@@ -1,9 +1,9 @@
 """``steerlab`` with somebody at a virtual wheel: run as a program, for tests and pictures.
 
 ``python virtual_person.py FOLDER PLAN -- ARGUMENTS``: ARGUMENTS go to ``steerlab``; the person
-centres the wheel in countdowns, steers to and fro in drives, goes on where one may, and does what
-PLAN says (JSON): ``{"pause": 40, "unplug": 80, "shots": {"countdown": "x.png"}}``, where numbers
-count display frames of drives. What the wheel did goes to ``FOLDER/moves.json``.
+centres the wheel in countdowns, steers to and fro in drives and at the ball in practice, goes on
+where one may, and does what PLAN says (JSON): ``{"pause": 40, "unplug": 80, "stop": 90, "shots":
+{"countdown": "x.png"}}``, where numbers count display frames of drives. What the wheel did goes to ``FOLDER/moves.json``.
 """
 
 import json
@@ -15,6 +15,8 @@ from pathlib import Path
 from threading import Thread
 from time import perf_counter, sleep
 
+from steerlab.sim.geometry import bearing_rad
+from steerlab.sim.vehicle import WHEEL_LIMIT
 from steerlab.teleop import loop_check, sitting
 from steerlab.teleop.cli import main
 from steerlab.teleop.devices.contract import DeviceError
@@ -33,6 +35,7 @@ class Person:
         self.plan = plan
         self.wheel = VirtualJoystick(name=NAME)
         self.driving = False
+        self.aim: float | None = None  # where the wheel should be to drive at the ball
         self.frames = 0
         self.unplugged_at: float | None = None
         self.seen: list[str] = []
@@ -52,8 +55,9 @@ class Person:
                     self.wheel.plug_in()
                 continue
             reach = 0.6 if self.driving else 0.02
+            aim = self.aim if self.driving else None
             try:
-                self.wheel.axis(0, reach * sin(2.0 * t))
+                self.wheel.axis(0, reach * sin(2.0 * t) if aim is None else aim)
             except DeviceError:  # unplugged just now, or the session is over
                 continue
 
@@ -76,12 +80,18 @@ class Person:
 
     def look_at_drive(self, screen: DriveScreen, view) -> None:
         self.driving = view.elapsed_s > 0.0
+        self.aim = None
+        if view.balls is not None:
+            wheel = 4.0 * bearing_rad(view.pose, screen._world.ball_xy_m)
+            self.aim = max(-1.0, min(1.0, wheel / WHEEL_LIMIT))
         self.frames += 1
         if self.frames == 90:
             self.shoot(screen, "drive")
             print("90 frames", flush=True)
         if self.frames == self.plan.get("pause"):
             self.press(pygame.K_p)
+        if self.frames == self.plan.get("stop"):
+            self.press(pygame.K_ESCAPE)
         if self.frames == self.plan.get("unplug"):
             self.wheel.unplug()
             self.unplugged_at = perf_counter()

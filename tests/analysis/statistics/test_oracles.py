@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import rankdata
 from statsmodels.stats.diagnostic import het_breuschpagan
 
-from steerlab.analysis.statistics.assumptions import score_test
+from steerlab.analysis.statistics.assumptions import score_test, shapiro_wilk
 from steerlab.analysis.statistics.corrections import benjamini_hochberg, holm
 from steerlab.analysis.statistics.correlation import pearson, spearman
 from steerlab.analysis.statistics.mixed_model import mixed_model
@@ -227,3 +227,11 @@ def test_rows_of_another_number_are_refused(rng):
     for y, column in ((np.ones(7), np.ones(8)), (np.ones(8), np.ones(7))):
         with pytest.raises(InvalidConfig, match="another number"):
             mixed_model(y, {"condition": column}, person)
+
+
+@pytest.mark.parametrize("unit", [1e-30, 1e-3, 1e12])
+def test_shapiro_wilk_knows_no_unit(unit):
+    values = np.random.default_rng(3).standard_exponential(20)
+    plain, scaled = shapiro_wilk(values), shapiro_wilk(unit * values + unit)
+    assert scaled.statistic == pytest.approx(plain.statistic, abs=1e-9)
+    assert scaled.p == pytest.approx(plain.p, rel=1e-6)

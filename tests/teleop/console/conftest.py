@@ -1,6 +1,7 @@
 """The console over a study in memory: a test client, and a real server for browsers."""
 
 import importlib.util
+import shutil
 import socket
 import sys
 import threading
@@ -47,6 +48,28 @@ def _load(name):
 
 
 fake_study = _load("fake_study")
+
+
+@pytest.fixture
+def keyboard():
+    """The module beside this one."""
+    return _load("keyboard")
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next(filter(None, map(shutil.which, names)), None)
+    if found is None:
+        pytest.skip("no Chromium; install it with: sudo apt-get install chromium")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=found, chromium_sandbox=False, args=["--disable-gpu"]
+        )
+        yield browser
+        browser.close()
 
 
 @dataclass
@@ -125,14 +148,14 @@ def lab(tmp_path):
 
 
 @contextmanager
-def serving(study, folder, command=()):
+def _serving(open_study, folder, command=()):
     """A real server on a free port; gives its address and the announced sign-in links."""
     links: list[str] = []
     listening = socket.create_server(("127.0.0.1", 0))
     address = f"http://127.0.0.1:{listening.getsockname()[1]}"
-    desk = Desk(lambda: nullcontext(study))
+    desk = Desk(open_study)
     runs = WheelRuns(folder, command=command)
-    checkup = Checkup(lambda: nullcontext(study))
+    checkup = Checkup(open_study)
     changes = Changes(desk, runs.mark, checkup.mark)
     sign_in = SignIn(announce=links.append)
     sign_in.announce_link()
@@ -160,8 +183,14 @@ def serving(study, folder, command=()):
 def served(tmp_path):
     """A study in memory behind a real server."""
     study = fake_study.FakeStudy()
-    with serving(study, tmp_path) as (address, links):
+    with _serving(lambda: nullcontext(study), tmp_path) as (address, links):
         yield Served(study=study, address=address, links=links)
+
+
+@pytest.fixture
+def serving():
+    """``with serving(open_study, folder, command) as (address, links)``: a real server."""
+    return _serving
 
 
 @dataclass

@@ -74,6 +74,7 @@ class FakeStudy:
         self.consent_version = 1
         self.found = [
             Finding(what="Audit log", found="chain of 214 entries is whole", ok=True),
+            Finding(what="P02", found="not finished yet: 3 left", ok=True, notice=True),
             Finding(
                 what="Disk", found="1.2 GB free", ok=False, mend="Free 2 GB before the next drive."
             ),
@@ -141,17 +142,19 @@ class FakeStudy:
             self.set_state(participant, phase, PhaseState.DONE)
         return missing
 
-    def consent(self, participant, *, given):
+    def consent(self, participant, *, given, shown=None):
+        assert shown in (None, self.consent_version)
         if given:
             self.set_state(participant, "consent", PhaseState.DONE)
         else:
             self._put(replace(self.participant(participant), standing=Standing.DECLINED))
 
-    def consent_text(self):
+    def consent_text(self, participant):
+        self.participant(participant)
         return self.consent_version, CONSENT
 
     def note(self, participant, text):
-        self.remarks.append((participant, "2026-03-02 10:15", text))
+        self.remarks.append((participant, "2026-03-02T10:15:04.123Z", text))
         self.changes += 1
 
     def notes(self, participant):
@@ -161,7 +164,9 @@ class FakeStudy:
         self.set_state(participant, phase, PhaseState.WAITING)
 
     def withdraw(self, participant, *, erase):
-        standing = Standing.WITHDRAWN_ERASED if erase else Standing.WITHDRAWN_KEPT
+        self.leave(participant, Standing.WITHDRAWN_ERASED if erase else Standing.WITHDRAWN_KEPT)
+
+    def leave(self, participant, standing):
         self._put(replace(self.participant(participant), standing=standing))
 
     def findings(self, participant):

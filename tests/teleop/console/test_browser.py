@@ -1,7 +1,6 @@
 """The pages in a real Chromium: by keyboard alone, audited, narrow, zoomed, offline, twice."""
 
 import re
-import shutil
 from collections.abc import Iterator
 
 import pytest
@@ -11,9 +10,6 @@ from steerlab.teleop.study.contract import PhaseState, Role, Standing
 
 pytestmark = pytest.mark.browser
 
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
 SIZES = (  # of the window and the text; 640 by 400 is what a zoom of 200 % leaves of 1280 by 800
     (320, 640, "100%"),
     (640, 400, "100%"),
@@ -28,28 +24,16 @@ PAGES = (
     "read",
     "wheel",
     "thanks",
+    "left",
     "expired",
     "sign in",
     "people",
     "person",
     "person waits",
+    "person left",
     "link",
     "checks",
 )
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    if CHROMIUM is None:
-        pytest.skip("no Chromium; install it with: sudo apt-get install chromium")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=CHROMIUM, chromium_sandbox=False, args=["--disable-gpu"]
-        )
-        yield browser
-        browser.close()
 
 
 @pytest.fixture
@@ -83,9 +67,12 @@ def _start(served, at=None, role=Role.TRAINING):
 
 def _open(page, served, name):
     """Bring the browser to one of ``PAGES``."""
-    if name in ("people", "person", "person waits", "link", "checks"):
+    if name in ("people", "person", "person waits", "person left", "link", "checks"):
         _start(served)
         _start(served, "calibration", Role.TEST)
+        _start(served, "end")
+        gone, _ = _start(served, "how")
+        served.study.withdraw(gone, erase=False)
         served.study.note("P02", "Asked for a break.")
         page.goto(f"{served.address}/enter/{served.links[-1]}")
         if name == "link":
@@ -93,7 +80,8 @@ def _open(page, served, name):
             page.get_by_role("button", name=texts.LINK_MAKE).click()
             page.get_by_label("Link for P01").wait_for()
         elif name.startswith("person"):
-            page.goto(f"{served.address}/participants/{'P02' if name == 'person' else 'P01'}")
+            who = {"person": "P02", "person waits": "P01", "person left": "P04"}[name]
+            page.goto(f"{served.address}/participants/{who}")
             for summary in page.locator("summary").all():
                 summary.click()
         elif name == "checks":
@@ -102,9 +90,11 @@ def _open(page, served, name):
         return
     at = {"demographics": "pre", "likert": "pre", "missing": "pre", "slider": "post"}
     at |= {"read": "how", "wheel": "practice", "thanks": "end"}
-    _, url = _start(served, at.get(name))
+    who, url = _start(served, at.get(name))
     if name == "likert":
         url += "/pre/2"
+    elif name == "left":
+        served.study.withdraw(who, erase=True)
     elif name == "expired":
         url = f"{served.address}/p/none"
     elif name == "sign in":
@@ -115,46 +105,6 @@ def _open(page, served, name):
         page.get_by_role("alert").wait_for()
 
 
-def _focused(page) -> dict:
-    return page.evaluate(
-        """() => { const e = document.activeElement; return {
-            tag: e.tagName, type: e.type || "", name: e.name || "", value: e.value || "",
-            text: e.innerText || "",
-            seen: [e, e.closest("label") || e].some(x => getComputedStyle(x).outlineStyle === "solid"
-                && parseFloat(getComputedStyle(x).outlineWidth) >= 2)}; }"""
-    )
-
-
-def _tab_to(page, wanted) -> dict:
-    """Press Tab until the focused element is wanted; every one on the way shows its focus."""
-    for _ in range(80):
-        page.keyboard.press("Tab")
-        focused = _focused(page)
-        if focused["tag"] != "BODY":
-            assert focused["seen"], f"the focus on {focused} cannot be seen"
-        if wanted(focused):
-            return focused
-    raise AssertionError("the keyboard does not reach it")
-
-
-def _fill_by_keyboard(page):
-    """Answer whatever the focus comes by, and press the button that goes on."""
-    path = page.url
-    while True:
-        focused = _tab_to(page, lambda one: one["name"].startswith("item.") or one["name"] == "go")
-        if focused["name"] == "go":
-            break
-        if focused["type"] == "radio":
-            page.keyboard.press("Space")
-            page.keyboard.press("ArrowRight")
-        elif focused["name"] == "item.age":
-            page.keyboard.type("34")
-        else:
-            page.keyboard.type("By keyboard")
-    page.keyboard.press("Enter")
-    page.wait_for_url(lambda url: url != path)
-
-
 def _go_on(page):
     """Press the button that goes on, and wait until another page is there."""
     path = page.url
@@ -162,18 +112,16 @@ def _go_on(page):
     page.wait_for_url(lambda url: url != path)
 
 
-def test_the_whole_way_by_keyboard_alone(page, served):
+def test_the_whole_way_by_keyboard_alone(page, served, keyboard):
     who, url = _start(served)
     study = served.study
     page.goto(url)
-    _tab_to(page, lambda one: one["value"] == "yes")
-    page.keyboard.press("Enter")
+    keyboard.press(page, texts.CONSENT_YES)
     page.wait_for_url("**/pre/1")
     for _ in range(3):
-        _fill_by_keyboard(page)
+        keyboard.fill(page)
     assert page.get_by_role("heading", level=1).inner_text() == "How the drives work"
-    _tab_to(page, lambda one: one["text"] == texts.NEXT)
-    page.keyboard.press("Enter")
+    keyboard.press(page, texts.NEXT)
     for phase, title in (("practice", "Practice drive"), ("calibration", "Twelve drives")):
         page.get_by_text(texts.WHEEL_NEXT.format(title=title)).wait_for()
         study.set_state(who, phase, PhaseState.STARTED)
@@ -181,9 +129,8 @@ def test_the_whole_way_by_keyboard_alone(page, served):
         study.set_state(who, phase, PhaseState.DONE)  # the page moves on by itself
     page.wait_for_url("**/post/1")
     for _ in range(2):
-        _fill_by_keyboard(page)
-    _tab_to(page, lambda one: one["text"] == texts.NEXT)
-    page.keyboard.press("Enter")
+        keyboard.fill(page)
+    keyboard.press(page, texts.NEXT)
     page.get_by_text(texts.THANKS_TITLE).wait_for()
     assert study.participant(who).standing is Standing.FINISHED
     for phase in study.way:
@@ -192,6 +139,38 @@ def test_the_whole_way_by_keyboard_alone(page, served):
             assert len(answers) == len(study.questionnaire(key).items)
             if key in ("mini_ipip_5", "trust"):
                 assert set(answers.values()) == {2}  # the second: Space, then one to the right
+
+
+def test_the_experimenter_needs_no_mouse(page, served, keyboard):
+    who, _ = _start(served, "calibration")
+    study = served.study
+    page.goto(f"{served.address}/enter/{served.links[-1]}")
+    keyboard.tab_to(page, lambda one: one["text"] == who)
+    page.keyboard.press("Enter")
+    page.wait_for_url(f"**/participants/{who}")
+
+    def summary(words):
+        keyboard.tab_to(page, lambda one: one["tag"] == "SUMMARY" and one["text"] == words)
+        page.keyboard.press("Enter")
+
+    summary(texts.REDO)  # the first of those that can be: about you
+    keyboard.press(page, texts.REDO_DO.format(title="About you"))
+    page.get_by_text("“About you” is on the participant’s page").wait_for()
+    assert study.state(who, "pre") is PhaseState.WAITING
+    keyboard.tab_to(page, lambda one: one["name"] == "text")
+    page.keyboard.type("Asked for a break.")
+    keyboard.press(page, texts.NOTE_SAVE)
+    page.locator("#notes").get_by_text("Asked for a break.").wait_for()
+    summary(texts.WITHDRAW_DO)
+    keyboard.tab_to(page, lambda one: one["name"] == "outcome")
+    page.keyboard.press("Space")
+    keyboard.tab_to(page, lambda one: one["name"] == "typed")
+    page.keyboard.type(who)
+    page.keyboard.press("Enter")
+    page.get_by_text(texts.NEXT_LEFT).wait_for()
+    assert study.participant(who).standing is Standing.WITHDRAWN_KEPT
+    keyboard.press(page, texts.SIGN_OUT)
+    page.get_by_role("heading", name=texts.SIGN_IN_TITLE).wait_for()
 
 
 @pytest.mark.parametrize("name", PAGES)
@@ -248,12 +227,12 @@ def test_an_answer_is_saved_without_pressing_anything(page, served):
     assert "1 of 20 answered" in page.locator(".saved").inner_text()
 
 
-def test_marks_go_as_soon_as_an_answer_is_given(page, served):
+def test_marks_go_as_soon_as_an_answer_is_given(page, served, keyboard):
     _open(page, served, "missing")
     marks = page.get_by_text(texts.PLEASE_ANSWER)
     before = marks.count()
     assert before > 1
-    assert _focused(page)["name"] == "item.gender"
+    assert keyboard.focused(page)["name"] == "item.gender"
     page.keyboard.press("Space")
     assert marks.count() == before - 1
     marked = page.locator("fieldset.marked")
@@ -354,10 +333,8 @@ def test_a_withdrawal_elsewhere_takes_its_buttons_off_an_open_page(page, served)
 
 def test_an_ended_session_is_said_on_an_open_page(page, served):
     page.goto(f"{served.address}/enter/{served.links[-1]}")
-    page.context.clear_cookies()
-    page.evaluate("""() => { const root = document.querySelector("[data-follow]");
-        root.dataset.follow = "/events?again"; }""")
-    page.add_script_tag(url="/static/follow.js")
+    page.route("**/events", lambda route: route.fulfill(status=401))  # as without a session
+    page.goto(f"{served.address}/checks")
     page.get_by_text(texts.ENDED).wait_for()
 
 

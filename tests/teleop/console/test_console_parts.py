@@ -16,7 +16,7 @@ from steerlab.teleop.console.config import ConsoleConfig
 from steerlab.teleop.console.desk import Desk
 from steerlab.teleop.console.guesses import MOST_ADDRESSES, Guesses
 from steerlab.teleop.console.live import Changes
-from steerlab.teleop.console.next_steps import Act, next_step
+from steerlab.teleop.console.next_steps import Act, next_step, step_of
 from steerlab.teleop.console.sign_in import SignIn
 from steerlab.teleop.console.wheel_run import LAST_LINES, RunView, WheelRuns
 from steerlab.teleop.study.contract import Phase, PhaseKind, PhaseState, Role, StudyError
@@ -157,6 +157,16 @@ def test_what_to_do_next(lab, at, state, run, act, text):
     assert step.act is act
     assert text in step.text
     assert (step.phase is None) == (act is Act.NONE)
+
+
+def test_a_skipped_phase_is_over(lab):
+    who, _ = lab.enrol(at="calibration")
+    assert step_of(lab.study.participant(who)) == (5, 7)
+    lab.study.set_state(who, "calibration", PhaseState.SKIPPED)
+    assert step_of(lab.study.participant(who)) == (6, 7)
+    assert next_step(lab.study.participant(who), None).text == texts.NEXT_PAGE.format(
+        title="How it was"
+    )
 
 
 def test_what_the_computer_does_alone_is_said_so(lab):

@@ -4,7 +4,14 @@ import time
 import pytest
 
 from steerlab.teleop.console import texts
-from steerlab.teleop.study.contract import PhaseState, Role, Standing, StudyError
+from steerlab.teleop.study.contract import (
+    Phase,
+    PhaseKind,
+    PhaseState,
+    Role,
+    Standing,
+    StudyError,
+)
 
 
 def _eventually(holds):
@@ -36,6 +43,19 @@ def test_the_list_shows_everyone_and_what_to_do_next(signed_in):
     assert texts.NEXT_LINK in page
     assert texts.NEXT_START.format(title="Practice drive") in page
     assert "Step 4 of 7" in page
+
+
+def test_who_has_finished_or_left_comes_after_who_is_under_way(signed_in):
+    for at in ("end", "pre", "pre", "practice"):
+        signed_in.enrol(at=at)
+    signed_in.study.leave("P02", Standing.WITHDRAWN_ERASED)
+    signed_in.study.leave("P03", Standing.ERASING)  # is to be said again
+    page = _page(signed_in)
+    assert re.findall(r'href="/participants/(\w+)"', page) == ["P03", "P04", "P01", "P02"]
+    assert page.index(texts.ENROL_TEST) < page.index(texts.OVER_TITLE.format(count=2))
+    for who in ("P03", "P04"):
+        signed_in.study.leave(who, Standing.WITHDRAWN_KEPT)
+    assert texts.NOBODY_IN in _page(signed_in)
 
 
 def test_nobody_enrolled_says_what_the_first_enrolment_does(signed_in):
@@ -107,6 +127,14 @@ def test_the_process_gets_the_studys_own_names(signed_in, tmp_path):
     assert texts.RUN_DONE.format(title="Practice drive", participant="P01") in _page(signed_in)
 
 
+def test_what_the_computer_does_is_not_said_to_be_at_the_wheel(signed_in, tmp_path):
+    signed_in.study.way = (Phase(id="w", kind=PhaseKind.CALIBRATE_W, title="Style"),)
+    (tmp_path / "hold").touch()
+    signed_in.enrol(Role.TEST)
+    signed_in.act("/participants/P01/start", phase="w")
+    assert texts.NEXT_COMPUTING.format(title="Style") in _page(signed_in)
+
+
 def test_a_run_that_fails_shows_its_last_lines_and_can_be_resumed(signed_in, tmp_path):
     (tmp_path / "fail").touch()
     signed_in.enrol(at="practice")
@@ -163,7 +191,9 @@ def test_notes_are_kept_and_shown_as_text(signed_in):
     signed_in.act("/participants/P01/note", text=" wheel slipped <b>twice</b> ")
     signed_in.act("/participants/P01/note", text="  ")
     assert [text for _, text in signed_in.study.notes("P01")] == ["wheel slipped <b>twice</b>"]
-    assert "wheel slipped &lt;b&gt;twice&lt;/b&gt;" in _page(signed_in, "/participants/P01")
+    page = _page(signed_in, "/participants/P01")
+    assert "wheel slipped &lt;b&gt;twice&lt;/b&gt;" in page
+    assert "2026-03-02 10:15 UTC" in page
 
 
 def test_a_note_that_is_too_long_is_refused(signed_in):
@@ -189,7 +219,26 @@ def test_withdrawal_that_keeps_the_data_is_done_at_once(signed_in):
     assert signed_in.study.participant("P01").standing is Standing.WITHDRAWN_KEPT
     page = _page(signed_in, "/participants/P01")
     assert texts.NEXT_LEFT in page
-    assert "/withdraw" not in page
+    assert re.findall(r'name="outcome" value="(\w+)"', page) == ["erase"]  # who left may ask later
+
+
+@pytest.mark.parametrize("standing", [Standing.WITHDRAWN_KEPT, Standing.ERASING, Standing.DECLINED])
+def test_who_has_left_may_have_their_data_erased_later(signed_in, standing, tmp_path):
+    (tmp_path / "hold").touch()
+    signed_in.enrol(at="calibration")
+    signed_in.study.leave("P01", standing)
+    signed_in.act("/participants/P01/withdraw", outcome="erase", typed="P01")
+    assert signed_in.runs.view().goes_on
+    if standing is Standing.ERASING:
+        assert texts.NEXT_ERASING in _page(signed_in)
+    (tmp_path / "hold").unlink()
+    _eventually(lambda: not signed_in.runs.view().goes_on)
+    assert signed_in.runs.view().last_lines == (f"run withdraw {tmp_path} P01 --erase",)
+    if standing is Standing.ERASING:  # it was cut off, so it has to be said again
+        assert texts.NEXT_ERASE in _page(signed_in)
+        assert 'class="waits"' in _page(signed_in)
+    signed_in.study.leave("P01", Standing.WITHDRAWN_ERASED)
+    assert "/withdraw" not in _page(signed_in, "/participants/P01")
 
 
 def test_erasing_is_done_by_a_process_of_its_own(signed_in, tmp_path):
@@ -204,8 +253,10 @@ def test_checks_name_what_is_wrong_first_and_how_to_mend_it(signed_in):
     _page(signed_in, "/checks")
     _eventually(lambda: texts.CHECKS_BUSY not in _page(signed_in, "/checks"))
     page = _page(signed_in, "/checks")
-    assert texts.CHECKS_BAD_ONE.format(count=2) in page
-    assert page.index("1.2 GB free") < page.index("chain of 214 entries")
+    assert texts.CHECKS_BAD_ONE.format(count=3) in page
+    places = [page.index(one) for one in ("1.2 GB free", "not finished yet", "chain of 214")]
+    assert places == sorted(places)
+    assert page.count(f">{texts.NEEDS_YOU}<") == page.count(f">{texts.TO_KNOW}<") == 1
     assert "Free 2 GB" in page
 
 

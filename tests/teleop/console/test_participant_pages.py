@@ -15,7 +15,7 @@ def test_the_consent_page_shows_the_text_and_both_buttons(lab):
     _, token = lab.enrol()
     answer = lab.client.get(f"/p/{token}")
     assert answer.status_code == 200
-    for paragraph in lab.study.consent_text()[1]:
+    for paragraph in lab.study.consent_text("P01")[1]:
         assert paragraph in answer.text
     assert re.findall(r'name="decision" value="(\w+)"', answer.text) == ["yes", "no"]
     assert "Step 1 of 7" in answer.text
@@ -219,12 +219,28 @@ def test_the_wheel_page_says_what_is_next_and_then_that_it_runs(lab):
     assert texts.WHEEL_CALL not in page
 
 
-@pytest.mark.parametrize("erase", [True, False])
-def test_who_was_withdrawn_is_asked_nothing_more(lab, erase):
+@pytest.mark.parametrize(
+    ("standing", "said"),
+    [
+        (Standing.WITHDRAWN_KEPT, texts.LEFT_KEPT),
+        (Standing.ERASING, texts.LEFT_ERASING),
+        (Standing.WITHDRAWN_ERASED, texts.LEFT_ERASED),
+    ],
+)
+def test_who_was_withdrawn_is_thanked_told_what_is_kept_and_asked_nothing_more(lab, standing, said):
     who, token = lab.enrol(at="pre")
-    lab.study.withdraw(who, erase=erase)
-    assert texts.LEFT_TITLE in lab.client.get(f"/p/{token}").text
+    lab.post(token, "/pre/2/answer", item="i03", value="4")
+    lab.study.leave(who, standing)
+    answer = lab.client.get(f"/p/{token}")
+    assert answer.status_code == 200
+    for words in (texts.LEFT_TITLE, said, texts.LEFT_END):
+        assert words in answer.text
+    assert not re.search(rf"\b({who}|i03|pre)\b|<form|<input", answer.text)
     assert lab.post(token, "/pre/2/answer", item="i03", value="1").status_code == 409
+    for path in ("/pre/1", "/pre/2"):
+        assert lab.client.get(f"/p/{token}{path}").headers["location"] == f"/p/{token}"
+    assert lab.study.answers(who, "pre", "mini_ipip_5") == {"i03": 4}
+    assert texts.LEFT_TITLE not in lab.client.get(f"/p/{token[:-1]}").text
 
 
 def test_the_end_says_thanks(lab):

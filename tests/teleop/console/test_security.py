@@ -219,7 +219,8 @@ def test_a_link_shows_and_changes_its_own_participant_only(lab):
     second, other = lab.enrol(at="pre")
     lab.post(other, "/pre/1/answer", item="age", value="77")
     page = lab.client.get(f"/p/{token}/pre/1").text
-    assert "77" not in page
+    assert 'value="77"' not in page
+    assert 'value="77"' in lab.client.get(f"/p/{other}/pre/1").text
     assert not re.search(rf"\b({first}|{second})\b", page)
     lab.post(token, "/pre/1/answer", item="age", value="20", participant=second)
     assert lab.study.answers(second, "pre", "demographics") == {"age": 77}

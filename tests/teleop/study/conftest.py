@@ -25,18 +25,24 @@ def edit(folder: Path, *changes: tuple[str, str]) -> None:
     path.write_text(text)
 
 
+SHORT = (
+    ("rollouts = 12 ", f"rollouts = {ROLLOUTS} "),
+    ("minimum_people = 8 ", "minimum_people = 2 "),
+    ('preset = "lab"', 'preset = "lab"\nepochs = 2'),
+    ("balls = 5", "balls = 1"),
+    ("demonstrations = 12 ", "demonstrations = 1 "),
+    ('task = "slalom" ', 'task = "easy" '),
+    ("gradient_steps = 150 ", "gradient_steps = 5 "),
+    ("starts = 10 ", "starts = 1 "),
+)
+
+
 def make_small(folder: Path) -> Path:
     new_study(folder, "mind-meld")
     text = (folder / "study.toml").read_text()
     asked = text[text.index('questionnaires = [\n  "demographics"') :]
     asked = asked[: asked.index("]") + 1]
-    edit(
-        folder,
-        (asked, 'questionnaires = ["fluency", "demographics"]'),
-        ("rollouts = 12 ", f"rollouts = {ROLLOUTS} "),
-        ("minimum_people = 8 ", "minimum_people = 2 "),
-        ('preset = "lab"', 'preset = "lab"\nepochs = 2'),
-    )
+    edit(folder, (asked, 'questionnaires = ["fluency", "demographics"]'), *SHORT)
     return folder
 
 
@@ -85,6 +91,12 @@ def run_scripted() -> Callable[..., tuple[str, RunReport]]:
 def change() -> Callable[..., None]:
     """``change(folder, (before, after), ...)`` in ``study.toml``."""
     return edit
+
+
+@pytest.fixture
+def shorten() -> Callable[[Path], None]:
+    """``shorten(folder)``: all questionnaires, and little at the wheel."""
+    return lambda folder: edit(folder, *SHORT)
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 
 import pytest
 
@@ -27,7 +28,7 @@ def answer_all(study: Study, who: str, phase: str = "about-you") -> None:
 
 def test_consent_is_kept_with_version_and_hash(study):
     who = study.enrol(Role.TRAINING).id
-    version, text = study.consent_text()
+    version, text = study.consent_text(who)
     with pytest.raises(StudyError, match="is at 'consent', not at 'about-you'"):
         study.save_answer(who, "about-you", "fluency", "fluency_1", 3)
     study.consent(who, given=True)
@@ -47,12 +48,36 @@ def test_consent_is_to_the_newest_text(study, folder, change):
     who = study.enrol(Role.TRAINING).id
     change(folder, ("version = 1", "version = 2"), ("Taking part is voluntary.", "You may refuse."))
     study.amend("the committee's wording")
-    version, text = study.consent_text()
+    version, text = study.consent_text(who)
     assert version == 2
     assert text[-1].startswith("You may refuse.")
-    study.consent(who, given=True)
+    with pytest.raises(StudyError, match=r"decided on version 1 .* version 2 is valid now"):
+        study.consent(who, given=True, shown=1)
+    study.consent(who, given=True, shown=2)
     rows = study._opened.store.connection.read("SELECT version FROM consents")
     assert rows == [(2,)]
+
+
+def test_who_has_decided_sees_what_they_decided_on(study, folder, change, at_about_you):
+    before = study.consent_text(at_about_you)
+    change(folder, ("version = 1", "version = 2"), ("Taking part is voluntary.", "You may refuse."))
+    study.amend("the committee's wording")
+    assert study.consent_text(at_about_you) == before
+    assert study.consent_text(study.enrol(Role.TRAINING).id)[0] == 2
+    with pytest.raises(StudyError, match="'P9' is not enrolled"):
+        study.consent_text("P9")
+
+
+def test_a_changed_text_needs_another_version(study, folder, change):
+    study.enrol(Role.TRAINING)
+    change(folder, ("Taking part is voluntary.", "You may refuse."))
+    with pytest.raises(StudyError, match=r"still called version 1; set consent\.version to 2"):
+        study.amend("the committee's wording")
+    change(folder, ("version = 1", "version = 2"))
+    assert study.amend("the committee's wording") == 2
+    change(folder, ("version = 2", "version = 1"))  # one that named other words
+    with pytest.raises(StudyError, match=r"set consent\.version to 3"):
+        study.amend("back again")
 
 
 def test_who_refuses_has_left(study):
@@ -172,13 +197,43 @@ def test_links_are_unguessable_single_and_kept_as_hashes(study, folder):
     assert study.participant_of(second) == who
     assert study.participant_of(theirs) == other
     assert study.participant_of("\ud800nonsense") is None
-    study.withdraw(who, erase=False)
-    assert study.participant_of(second) is None
+    for erase in (False, True):  # their page thanks them, and says what became of the data
+        study.withdraw(who, erase=erase)
+        assert study.participant_of(second) == who
+        assert study.participant_of(first) is None
     with pytest.raises(StudyError, match="has left"):
         study.new_link(who)
     study.close()
     raw = (folder / "study.db").read_bytes()
     assert not any(token.encode() in raw for token in (first, second, theirs))
+
+
+def test_places_follow_every_program_and_are_read_once(study, folder, at_about_you, monkeypatch):
+    item = study.questionnaire("fluency").items[0].id
+    with Study.open(folder) as other:
+        assert study.participant(at_about_you).progress == ""
+        other.save_answer(at_about_you, "about-you", "fluency", item, 3)
+        assert study.participant(at_about_you).progress.startswith("1 of ")
+        (view,) = study.participants()
+        assert view.progress.startswith("1 of ")
+        monkeypatch.setattr("steerlab.teleop.study.places.everybody", None)
+        monkeypatch.setattr("steerlab.teleop.study.places.progress_of", None)
+        assert study.participants() == [view]  # nothing changed: nothing is worked out
+        assert study.participant(at_about_you) == view
+        monkeypatch.undo()
+        other.enrol(Role.TEST)
+        assert len(study.participants()) == 2
+
+
+def test_what_was_rolled_back_is_not_remembered(study, folder, at_about_you):
+    connection = study._opened.store.connection
+    with suppress(RuntimeError), connection.transaction("fail"):
+        connection.log("something", "else")
+        assert study.participant(at_about_you).standing is Standing.RUNNING
+        raise RuntimeError
+    with Study.open(folder) as other:  # writes the entry of that number
+        other.withdraw(at_about_you, erase=False)
+    assert study.participant(at_about_you).standing is Standing.WITHDRAWN_KEPT
 
 
 def test_notes_are_kept_with_their_time(study, at_about_you):
@@ -192,6 +247,27 @@ def test_notes_are_kept_with_their_time(study, at_about_you):
         study.note(None, "   ")
     with pytest.raises(StudyError, match="not enrolled"):
         study.note("P77", "who?")
+
+
+def test_sql_in_what_people_type_is_text(study, at_about_you):
+    """Statements are fixed; all that comes from outside is a parameter."""
+    nasty = """'); DELETE FROM notes; -- ' OR '1'='1"""
+    study.note(at_about_you, nasty)
+    study.save_answer(at_about_you, "about-you", "demographics", "gender_own_words", nasty)
+    assert study.notes(at_about_you)[0][1] == nasty
+    assert study.answers(at_about_you, "about-you", "demographics") == {"gender_own_words": nasty}
+    for act in (
+        lambda: study.participant(nasty),
+        lambda: study.answers(at_about_you, nasty, "demographics"),
+        lambda: study.save_answer(at_about_you, "about-you", "demographics", nasty, "x"),
+        lambda: study.save_answer(at_about_you, "about-you", nasty, "x", "x"),
+        lambda: study.redo(at_about_you, nasty),
+        lambda: study.withdraw(nasty, erase=True),
+    ):
+        with pytest.raises(StudyError):
+            act()
+    assert study.participant_of(nasty) is None
+    assert study.verify().ok
 
 
 ANSWERERS = """

@@ -1,23 +1,29 @@
 """Running at the wheel: what is next, resuming, locks, redoing, and the hook for learners."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from steerlab.sim.errors import SteerlabError
+from steerlab.sim.rollout import Outcome
 from steerlab.sim.store import StudyStore
 from steerlab.sim.store_frozen import read_embeddings
 from steerlab.sim.store_records import AttemptStatus
+from steerlab.teleop.cli import main
 from steerlab.teleop.folder_lock import LockedOut
-from steerlab.teleop.practice import PracticeResult
-from steerlab.teleop.study import runner
+from steerlab.teleop.practice import PracticeConfig, PracticeResult
+from steerlab.teleop.study import runner, scripted
 from steerlab.teleop.study.contract import PhaseKind, PhaseState, Role, Standing, StudyError
 from steerlab.teleop.study.models import frozen_model
 from steerlab.teleop.study.runner import RunConfig
 from steerlab.teleop.study.scripted import ScriptedParticipant
+from steerlab.teleop.study.scripted_practice import practise_scripted
 from steerlab.teleop.study.study import Study
 from steerlab.teleop.study.teaching import Taught
 
@@ -43,7 +49,7 @@ def test_a_run_stops_where_the_browser_goes_on(study, monkeypatch):
     drives = []
 
     def drive(spec, config, screen, *, autocentre):
-        drives.append((spec, config.balls, screen.width, autocentre))
+        drives.append((spec, config.balls, config.seed, screen.width, autocentre))
         return PracticeResult(3, 1, stopped=len(drives) == 1)
 
     monkeypatch.setattr(runner, "practise", drive)
@@ -53,7 +59,7 @@ def test_a_run_stops_where_the_browser_goes_on(study, monkeypatch):
     report = study.run(who, device)
     assert report.waiting.id == "before-calibration"
     assert states(study, who)["practice"] is PhaseState.DONE
-    assert drives == [("wheel", 5, 960, 0.3)] * 2
+    assert drives == [("wheel", 1, 2021, 960, 0.3)] * 2
 
 
 def test_only_the_next_phase_can_be_run(study):
@@ -63,10 +69,26 @@ def test_only_the_next_phase_can_be_run(study):
     with pytest.raises(StudyError, match="has no phase 'teach-1'"):
         study.run(who, RunConfig(device="wheel", phase="teach-1"))
     fill_pages_until(study, who, "practice")
-    script = ScriptedParticipant(kind="human", seed=2).device
-    report = study.run(who, RunConfig(device=script, phase="practice"))
-    assert report.lines == ("Practice drive: skipped: scripted participants need no practice",)
+    report = study.run(who, RunConfig(device="scripted:human:2", phase="practice"))
+    assert report.lines == ("Practice drive: 1 balls reached, 0 blocks hit",)
     assert report.waiting.id == "before-calibration"
+
+
+def test_scripts_practise_in_the_worlds_of_people_and_give_up_in_a_sentence():
+    for pedals in (True, False):
+        result = practise_scripted(PracticeConfig(balls=4, pedals=pedals, seed=0))
+        assert result == PracticeResult(4, 1, stopped=False)  # the fourth world has a block ahead
+    with pytest.raises(SteerlabError, match="reached 0 of 1 balls"):
+        practise_scripted(PracticeConfig(balls=1, time_limit_s=0.5))
+
+
+def test_a_trace_has_no_practice_in_it(study, tmp_path):
+    who = study.enrol(Role.TRAINING).id
+    fill_pages_until(study, who, "practice")
+    report = study.run(who, RunConfig(device=f"trace:{tmp_path / 'x'}", phase="practice"))
+    assert report.lines == (
+        "Practice drive: skipped: a recorded trace has no practice drive in it",
+    )
 
 
 def test_a_session_says_under_which_protocol_it_was(study, run_scripted):
@@ -172,6 +194,32 @@ def test_what_can_be_taught_is_taught_and_the_rest_is_skipped_on_record(study, r
     assert study.participant(who).next_phase.condition == "bc"
 
 
+def test_scripts_answer_about_a_condition_by_what_they_saw_of_it(
+    trained, run_scripted, monkeypatch, tmp_path
+):
+    """The same person, but for how often the robots reached the ball."""
+    shutil.copytree(trained, tmp_path / "other")
+    felt = {}
+    for folder, outcome in (
+        (trained, Outcome.BALL_REACHED),
+        (tmp_path / "other", Outcome.BLOCK_HIT),
+    ):
+        rounds = [SimpleNamespace(outcome=outcome)] * 2
+        monkeypatch.setattr(scripted, "read_taught", lambda *_, rounds=rounds: rounds)
+        learner = Learner()
+        learner.asked.append(())  # so that no call is stopped
+        teachings = dict.fromkeys(("bc", "dagger", "mind_meld"), learner)
+        with Study.open(folder) as study:
+            who, _ = run_scripted(study, Role.TEST, 3, teachings=teachings)
+            felt[outcome] = [
+                sum(study.answers(who, f"after-teach-{n}", "fluency").values()) for n in (1, 2, 3)
+            ]
+            about_you = study.answers(who, "about-you", "fluency")
+        felt.setdefault("before", about_you)
+        assert felt["before"] == about_you
+    assert sum(felt[Outcome.BALL_REACHED]) > sum(felt[Outcome.BLOCK_HIT])
+
+
 HOLDER = """
 import sys
 from pathlib import Path
@@ -184,7 +232,7 @@ with locked(Path(sys.argv[1]), RUN_LOCK, "runs"):
 
 
 def test_a_second_run_is_refused_with_the_pid_of_the_first_and_a_dead_one_is_taken_over(
-    study, folder
+    study, folder, capsys
 ):
     who = study.enrol(Role.TRAINING).id
     holder = subprocess.Popen(
@@ -198,6 +246,14 @@ def test_a_second_run_is_refused_with_the_pid_of_the_first_and_a_dead_one_is_tak
     with pytest.raises(LockedOut, match=f"process {holder.pid}") as refused:
         study.run(who, config)
     assert refused.value.pid == holder.pid
+    for act in (
+        ["run", str(folder), "--participant", who, "--device", "scripted:human:1"],
+        ["resume", str(folder), who],
+        ["withdraw", str(folder), who, "--erase"],
+        ["train", str(folder)],
+    ):
+        assert main(["study", *act]) == 2
+        assert f"process {holder.pid}" in " ".join(capsys.readouterr().err.split())
     os.kill(holder.pid, signal.SIGKILL)
     holder.wait()
     holder.stdin.close()

@@ -96,11 +96,14 @@ def test_an_answer_out_of_range_is_found(done):
     assert "must be a whole number from 1 to 7" in bad(done)["T001"]
 
 
-def test_who_is_not_finished_is_listed(done):
+def test_who_has_not_finished_yet_is_a_notice_and_no_defect(done):
     who = done.enrol(Role.TEST).id
-    assert "unfinished: " in bad(done)[who]
+    assert done.verify().ok
+    (told,) = [one for one in done.verify().findings if one.what == who]
+    assert told.notice
+    assert told.found.startswith("not finished yet: 15 of 15 phases are left, next consent")
     done.withdraw(who, erase=False)
-    assert who not in bad(done)
+    assert not any("not finished" in one.found for one in done.verify().findings)
 
 
 def test_an_order_that_the_seed_does_not_give_is_found(done):
@@ -182,12 +185,14 @@ def test_missing_recordings_are_only_a_notice(done, folder):
     assert "2 attempts have none" in notice.found
 
 
-def test_reports_older_than_an_erasure_are_told(done, folder):
-    (folder / "report").mkdir()
+def test_what_is_not_steerlabs_is_told_after_an_erasure(done, folder):
+    (folder / "my tables").mkdir()
+    assert not any("my tables" in one.found for one in done.verify().findings)
     done.withdraw("T001", erase=True)
-    found = [one for one in done.verify().findings if "report/ may still hold" in one.found]
-    assert len(found) == 1
-    assert str(folder / "report") in found[0].mend
+    (found,) = [one for one in done.verify().findings if "my tables" in one.found]
+    assert found.notice
+    assert "may hold data of T001" in found.found
+    assert (folder / "my tables").is_dir()
 
 
 def test_findings_of_a_participant_before_and_after_they_sat_down(done):
@@ -196,6 +201,19 @@ def test_findings_of_a_participant_before_and_after_they_sat_down(done):
     found = {one.what: one.found for one in done.findings("T001")}
     assert found["Device"] == "scripted-human-1 (scripted)"
     assert found["Timing"] == "2 attempts finished"
+
+
+def test_a_consent_text_that_nobody_wrote_is_told(done, folder, change):
+    (told,) = [one for one in done.verify().findings if one.what == "Consent"]
+    assert told.notice
+    change(folder, ("TO BE REPLACED", "Written"), ("version = 1", "version = 2"))
+    done.amend("the committee's text")
+    assert not any(one.what == "Consent" for one in done.verify().findings)
+
+
+def test_a_protocol_that_cannot_be_read_is_a_finding(study, folder, change):
+    change(folder, ('key = "bc"', 'key = "bcc"'))
+    assert "conditions[2].key is 'bcc'" in bad(study)["Protocol"]
 
 
 def test_verify_changes_nothing(done, folder):

@@ -5,7 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from steerlab.sim.store_events import Flag
 from steerlab.sim.store_frozen import read_embeddings
+from steerlab.sim.store_schema import STORE_VERSION, connect
 from steerlab.teleop.cli import main
 from steerlab.teleop.study.contract import Role, StudyError
 from steerlab.teleop.study.scripted import ScriptedParticipant
@@ -19,8 +21,17 @@ def steerlab(capsys, *arguments: object, code: int = 0) -> str:
     return said.out + said.err
 
 
+def _flagged_everywhere(folder, monkeypatch, who):
+    """How many attempts ``verify`` would name if the computer had never kept time."""
+    flags = [Flag(name="overrun_share", value=0.2, limit=0.001)]
+    with monkeypatch.context() as patch, Study.open(folder, read_only=True) as study:
+        patch.setattr(study._opened.store, "flags", lambda attempt: flags)
+        (found,) = [one.found for one in study.verify().findings if one.what == who and not one.ok]
+    return found.count("overrun_share")
+
+
 @pytest.mark.slow
-def test_four_training_and_two_test_participants(folder, capsys, change):
+def test_four_training_and_two_test_participants(folder, capsys, change, monkeypatch):
     change(folder, ("minimum_people = 2 ", "minimum_people = 4 "))
     for seed in range(4):
         said = steerlab(
@@ -32,15 +43,16 @@ def test_four_training_and_two_test_participants(folder, capsys, change):
             *(capsys, "run", folder, "--teacher", f"scripted:human:{seed}", "--role", "test"),
             "--no-recordings",
         )
-        assert said.count("is not available in this version") == 3
+        assert said.count("2 of 2 drives taught") == 3
         assert "w from network" in said
     status = json.loads(steerlab(capsys, "status", folder, "--json"))
     assert [one["id"] for one in status] == ["T001", "T002", "T003", "T004", "P001", "P002"]
     assert {one["standing"] for one in status} == {"finished"}
     assert status[4]["order"] != status[5]["order"]
-    assert status[4]["phases"]["teach-1"] == "skipped"
+    assert status[4]["phases"]["teach-1"] == "done"
     verified = json.loads(steerlab(capsys, "verify", folder, "--json"))
     assert all(one["ok"] for one in verified["findings"])
+    assert _flagged_everywhere(folder, monkeypatch, "P001") == 2 + 3 * 2  # corrected, taught
     with Study.open(folder, read_only=True) as study:
         found = read_embeddings(study._opened.store.connection)
         assert set(found) == {"P001", "P002"}
@@ -70,7 +82,7 @@ def test_the_verbs_of_a_study(tmp_path, capsys):
     assert "is not over yet" in steerlab(capsys, "redo", folder, "T001", "about-you", code=2)
     assert "finished; the protocol asks for" in steerlab(capsys, "train", folder, code=2)
     steerlab(capsys, "note", folder, "--text", "moved the table")
-    assert "unfinished" in steerlab(capsys, "verify", folder, code=1)
+    assert "note T001: not finished yet" in steerlab(capsys, "verify", folder)
     assert "as version 1 has it" in steerlab(capsys, "amend", folder, "--why", "x", code=2)
     assert "either --keep or --erase" in steerlab(capsys, "withdraw", folder, "T001", code=2)
     assert "their data are erased" in steerlab(capsys, "withdraw", folder, "T001", "--erase")
@@ -78,6 +90,29 @@ def test_the_verbs_of_a_study(tmp_path, capsys):
     said = steerlab(capsys, "run", folder, "--participant", "P001", "--plant", "a.b:gain:1", code=2)
     assert "give --teacher as well" in said
     assert "There is no study in" in steerlab(capsys, "status", tmp_path, code=2)
+
+
+def test_what_cannot_be_used_is_told_in_a_sentence_by_every_verb(folder, capsys, change):
+    change(folder, ('key = "bc"', 'key = "bcc"'))
+    said = steerlab(capsys, "enrol", folder, "--role", "test", code=2)
+    assert "study.toml, line 22: conditions[2].key is 'bcc'; it must be one of" in said
+    change(folder, ('key = "bcc"', 'key = "bc"'))
+    steerlab(capsys, "enrol", folder, "--role", "test")
+    other = connect(folder / "study.db", read_only=False)
+    other.execute("UPDATE meta SET value = ? WHERE key = 'schema_version'", (STORE_VERSION + 1,))
+    other.close()
+    for act in (
+        ["status"],
+        ["verify"],
+        ["enrol", "--role", "test"],
+        ["run", "--participant", "P001"],
+    ):
+        assert "Upgrade steerlab" in steerlab(capsys, act[0], folder, *act[1:], code=2)
+    assert main(["console", str(folder), "--port", "0"]) == 2
+    said = capsys.readouterr()
+    assert "Upgrade steerlab" in said.err
+    assert "Traceback" not in said.out + said.err
+    assert not (folder / "console.lock").exists()
 
 
 @pytest.mark.parametrize(

@@ -86,7 +86,7 @@ def test_erasing_leaves_no_trace_but_a_tombstone(full, folder):
     assert traces(folder, marks) == []
     assert full.participant("T001").standing is Standing.WITHDRAWN_ERASED
     assert [view.id for view in full.participants()] == ["T001", "T002", "T003", "P001"]
-    for table in ("responses", "notes", "consents", "sessions", "attempts", "steps", "links"):
+    for table in ("responses", "notes", "consents", "sessions", "attempts", "steps"):
         query = f"SELECT count(*) FROM {table} WHERE participant = 'T001'"
         assert connection.read(query) == [(0,)], table
     others = b"".join(everything(folder).values())
@@ -115,10 +115,15 @@ def test_without_enough_people_the_network_is_removed(full, folder, run_scripted
     full.withdraw("T002", erase=True)
     assert frozen_model(full._opened) is None
     assert list((folder / "models").iterdir()) == []
-    assert any("network that was removed" in one.found for one in full.verify().findings)
+    stale = [one for one in full.verify().findings if "network that was removed" in one.found]
+    assert "steerlab study train" in stale[0].mend
     run_scripted(full, Role.TRAINING, 7)
-    run_scripted(full, Role.TEST, 8)  # trains anew
-    assert frozen_model(full._opened).people == ("T003", "T004")
+    model = full.train(lambda what, share: None)
+    assert model.people == ("T003", "T004")
+    assert read_embeddings(full._opened.store.connection)["P001"].model_sha256 == model.sha256
+    assert full.verify().ok
+    with pytest.raises(StudyError, match="is frozen since"):
+        full.train(lambda what, share: None)
 
 
 def test_erasing_a_test_participant_leaves_the_network(full, folder):
@@ -142,8 +147,47 @@ def test_an_erasure_waits_for_nobody_who_calibrates_again(full, folder):
     full.redo("P001", "calibration")  # has no finished attempt that counts now
     full.withdraw("T001", erase=True)
     assert full.participant("T001").standing is Standing.WITHDRAWN_ERASED
-    bad = [one.what for one in full.verify().findings if not one.ok]
-    assert bad == ["P001"]  # unfinished, and no complaint about a w that is to be found anew
+    assert full.verify().ok  # no complaint about a w that is to be found anew
+
+
+def test_exports_and_reports_go_with_the_person(full, folder):
+    for name in ("exports", "report", ".report-abc123.part"):  # the last was cut off
+        (folder / name / "tables").mkdir(parents=True)
+        (folder / name / "tables" / "labels.csv").write_text("T001,0.5\nT002,0.1\n")
+    full.withdraw("T002", erase=False)
+    assert (folder / "exports" / "tables").is_dir()
+    full.withdraw("T001", erase=True)
+    assert not (folder / "exports").exists()
+    assert not (folder / "report").exists()
+    assert not (folder / ".report-abc123.part").exists()
+
+
+def test_files_that_carry_the_pseudonym_go_and_no_others(full, folder):
+    mine = folder / "models" / "taught" / "P001" / "policy-1.safetensors"
+    others = [
+        folder / "models" / "taught" / "P0011" / "policy-1.safetensors",
+        folder / "recordings" / "P0011-calibration-05-0.rrd",
+        folder / "P001 - signed consent.pdf",
+    ]
+    for path in (mine, *others):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"x")
+    full.withdraw("P001", erase=True)
+    assert not mine.parent.exists()
+    assert all(path.exists() for path in others)
+
+
+def test_an_export_that_is_a_link_is_told_and_not_followed(full, folder, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "labels.csv").write_text("T001")
+    (folder / "exports").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(StudyError, match=r"is a link to .*elsewhere"):
+        full.withdraw("T001", erase=True)
+    assert not full.verify().ok
+    (folder / "exports").unlink()
+    full.withdraw("T001", erase=True)
+    assert full.verify().ok
+    assert (tmp_path / "elsewhere" / "labels.csv").exists()
 
 
 def test_who_kept_their_data_may_erase_them_later(full):
@@ -164,6 +208,7 @@ def test_an_erasure_that_was_cut_off_is_told_and_finished_by_saying_it_again(
         patch.setattr(withdrawal, cut_off, crash)
         with pytest.raises(KeyboardInterrupt):
             full.withdraw("T001", erase=True)
+    assert full.participant("T001").standing is Standing.ERASING
     bad = [one for one in full.verify().findings if not one.ok]
     assert any("erasure of T001 is not finished" in one.found for one in bad)
     full.withdraw("T001", erase=True)

@@ -1,0 +1,1 @@
+"""How many people does a study need? Many simulated studies, tested as real ones are."""

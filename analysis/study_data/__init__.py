@@ -1,0 +1,1 @@
+"""What an analysis reads: one typed record of a study, wherever its data come from."""

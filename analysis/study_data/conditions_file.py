@@ -1,0 +1,147 @@
+"""Outcomes of conditions: from a table of one's own, or from the shards of ``steerlab teach``."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pv
+import pyarrow.parquet as pq
+
+from steerlab.analysis.study_data.errors import NotAStudy
+from steerlab.analysis.study_data.records import ConditionValue, Exclusion
+
+METRICS = ("success", "final_distance_m", "label_mae")
+_KEYS = ("participant", "condition", "round")
+_EXAMPLE = f"{', '.join(_KEYS)} and one or more of {', '.join(METRICS)}"
+
+
+def read_conditions(path: Path) -> tuple[ConditionValue, ...]:
+    """A .csv or .parquet table, or the folder of a ``steerlab teach`` run.
+
+    A table has a row for each participant, condition and round; empty cells are missing. A column
+    ``position`` may give the condition's place in the participant's order, from 0.
+
+    Raises:
+        NotAStudy: it is neither, a column is missing, or a value is not what it must be.
+    """
+    if path.is_dir():
+        return _of_shards(path)
+    try:
+        table = pq.read_table(path) if path.suffix == ".parquet" else pv.read_csv(path)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise NotAStudy(f"{path} cannot be read as a table: {error}") from error
+    return _of_table(table, path)
+
+
+def left_out_teachers(path: Path) -> tuple[Exclusion, ...]:
+    """Teachers of a ``steerlab teach`` run who could not be judged, and why; of a table nobody."""
+    shards = [_shard(one) for one in sorted((path / "teachers").glob("*.json"))]
+    return tuple(
+        Exclusion(what="teacher", who=str(shard["teacher"]), why=str(shard["left_out"]))
+        for shard in shards
+        if shard.get("left_out")
+    )
+
+
+def _of_table(table: pa.Table, path: Path) -> tuple[ConditionValue, ...]:
+    names = table.column_names
+    metrics = [name for name in METRICS if name in names]
+    if missing := [name for name in _KEYS if name not in names]:
+        raise NotAStudy(f"{path} lacks {', '.join(missing)}; it needs {_EXAMPLE}.")
+    if not metrics:
+        raise NotAStudy(f"{path} has {', '.join(names)}; it needs {_EXAMPLE}.")
+    found: list[ConditionValue] = []
+    seen: set[tuple[str, str, int]] = set()
+    for line, row in enumerate(table.to_pylist(), start=2):
+        place = f"{path}, row {line}"
+        key = (_text(row, "participant", place), _text(row, "condition", place))
+        round_ = _whole(row["round"], "round", place)
+        if (*key, round_) in seen:
+            raise NotAStudy(f"{place}: {key[0]!r} has {key[1]!r} in round {round_} twice.")
+        seen.add((*key, round_))
+        position = row.get("position")
+        for metric in metrics:
+            if row[metric] is None:
+                continue
+            found.append(
+                ConditionValue(
+                    person=key[0],
+                    condition=key[1],
+                    metric=metric,
+                    value=_number(row[metric], metric, place),
+                    round=round_,
+                    position=None if position is None else _whole(position, "position", place),
+                )
+            )
+    return tuple(found)
+
+
+def _of_shards(folder: Path) -> tuple[ConditionValue, ...]:
+    """Each teacher's figures, averaged over learner seeds; who was left out is not there."""
+    paths = sorted((folder / "teachers").glob("*.json"))
+    if not paths:
+        raise NotAStudy(
+            f"{folder} has no teachers/*.json; give the folder of a steerlab teach run, or a .csv "
+            f"or .parquet table with {_EXAMPLE}."
+        )
+    found: list[ConditionValue] = []
+    for path in paths:
+        shard = _shard(path)
+        try:
+            found += _of_shard(shard)
+        except (ValueError, KeyError, TypeError) as error:
+            raise NotAStudy(f"{path} is no shard of steerlab teach: {error!r}.") from error
+    return tuple(found)
+
+
+def _shard(path: Path) -> dict[str, Any]:
+    try:
+        shard = json.loads(path.read_text(encoding="utf-8"))
+        return {**shard, "teacher": shard["teacher"]}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise NotAStudy(f"{path} is no shard of steerlab teach: {error!r}.") from error
+
+
+def _of_shard(shard: Mapping[str, Any]) -> list[ConditionValue]:
+    found: list[ConditionValue] = []
+    for condition, seeds in shard["conditions"].items():
+        for rows in zip(*(one["by_round"] for one in seeds), strict=True):
+            for metric in METRICS:
+                values = [row[metric] for row in rows if row[metric] is not None]
+                if values:
+                    found.append(
+                        ConditionValue(
+                            person=shard["teacher"],
+                            condition=condition,
+                            metric=metric,
+                            value=float(np.mean(values)),
+                            round=int(rows[0]["round"]),
+                        )
+                    )
+    return found
+
+
+def _text(row: Mapping[str, Any], name: str, place: str) -> str:
+    value = row[name]
+    if value is None or not str(value).strip():
+        raise NotAStudy(f"{place}: {name} is empty; every row needs one.")
+    return str(value)
+
+
+def _whole(value: Any, name: str, place: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise NotAStudy(f"{place}: {name} is {value!r}; it must be a whole number from 0.")
+    return value
+
+
+def _number(value: Any, name: str, place: str) -> float:
+    if isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, int | float) or not np.isfinite(value):
+        raise NotAStudy(f"{place}: {name} is {value!r}; it must be a finite number, or empty.")
+    if name == "success" and not 0.0 <= value <= 1.0:
+        raise NotAStudy(f"{place}: success is {value}; it must be from 0 to 1.")
+    return float(value)

@@ -1,0 +1,91 @@
+"""Reading a population run, the folder that ``steerlab simulate`` writes."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from steerlab.analysis.json_reader import InvalidSummary
+from steerlab.analysis.study_data.errors import NotAStudy
+from steerlab.analysis.study_data.networks import Progress, embeddings_of, judge, network_for
+from steerlab.analysis.study_data.records import Embeddings, HeldOut, Person, StudyData
+from steerlab.analysis.summary import Summary
+from steerlab.learning.checkpoint import load_mapper
+from steerlab.learning.series import LabelSeries, series_from_table
+from steerlab.learning.splits import split_rollouts, split_study
+from steerlab.sim.errors import InvalidConfig
+
+LABELS, MODEL, SUMMARY = "labels", "models/mind_meld.safetensors", "summary.json"
+_SPLITS = {"seen": "training", "new": "test"}
+
+
+def is_population_run(folder: Path) -> bool:
+    """Whether ``folder`` is one."""
+    return all((folder / LABELS / f"{split}.parquet").is_file() for split in _SPLITS)
+
+
+def read_population(folder: Path, *, networks: int, progress: Progress) -> StudyData:
+    """A run with its network, and ``networks`` - 1 more that are trained on other seeds.
+
+    Raises:
+        NotAStudy: a file is missing or damaged.
+        SteerlabError: the labels or the model cannot be read.
+    """
+    if networks < 1:
+        raise InvalidConfig(f"seeds is {networks}; give 1 or more.")
+    try:
+        summary = Summary.from_json((folder / SUMMARY).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, InvalidSummary) as error:
+        raise NotAStudy(f"{folder / SUMMARY} cannot be read: {error}") from error
+    series = {split: _series(folder / LABELS / f"{split}.parquet") for split in _SPLITS}
+    people = {split: list(dict.fromkeys(one.person for one in series[split])) for split in _SPLITS}
+    everyone = (*series["seen"], *series["new"])
+    rollouts = sorted({one.rollout for one in everyone})  # the calibration set's own order
+    parts = split_study(everyone, split_rollouts(rollouts), people["new"])
+    first = load_mapper(folder / MODEL)
+    embeddings: list[Embeddings] = []
+    held_out: list[HeldOut] = []
+    for number in range(networks):
+        seed = first.seed + number
+        mapper = (
+            first
+            if number == 0
+            else network_for(
+                parts, first.config, seed=seed, cache=folder / "models", progress=progress
+            )
+        )
+        source = "the run's network" if number == 0 else f"trained anew with seed {seed}"
+        found = embeddings_of(mapper, people["seen"], seed=seed, source=source)
+        embeddings += [] if found is None else [found]
+        judged = (
+            judge(mapper, parts.held_out_seen, seed=seed, role="training"),
+            judge(mapper, parts.held_out_new, seed=seed, role="test"),
+        )
+        held_out += [one for one in judged if one is not None]
+    return StudyData(
+        kind="population run",
+        title=f"Simulated study, {summary.noise} noise, seed {summary.seed}",
+        simulated=True,
+        people=tuple(
+            Person(id=person, role="training" if split == "seen" else "test")
+            for split in _SPLITS
+            for person in people[split]
+        ),
+        series=everyone,
+        embeddings=tuple(embeddings),
+        held_out=tuple(held_out),
+        enrolled=len(people["seen"]) + len(people["new"]),
+        notices=(
+            "All participants are scripted teachers: the numbers say what the method does with "
+            "teachers of known style, and nothing about people.",
+        ),
+    )
+
+
+def _series(path: Path) -> Sequence[LabelSeries]:
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise NotAStudy(f"{path} cannot be read: {error}") from error
+    return series_from_table(table)

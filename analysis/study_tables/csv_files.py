@@ -1,0 +1,122 @@
+"""The tables as CSV, one file each: a cell without a value is blank, and its reason stands beside."""
+
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from steerlab.analysis.study_tables.plain import EMPTY, is_empty
+
+Row = Mapping[str, Any]
+
+
+def csv_files(tables: Mapping[str, Any]) -> dict[str, str]:
+    """Text by file name."""
+    quality = tables["label_quality"]
+    return {
+        "table1.csv": _text(() if is_empty(tables["table1"]) else map(_flat, tables["table1"])),
+        "table2.csv": _text(map(_table2_row, tables["table2"]["rows"])),
+        "table2_paper_compatible.csv": _text(_paper_rows(tables["table2"]["rows"])),
+        "hypotheses.csv": _text(map(_hypothesis, tables["hypotheses"])),
+        "style.csv": _text(map(_flat, tables["style"]["rows"])),
+        "label_quality.csv": _text(_quality_rows(quality)),
+        "conditions.csv": _text(_condition_rows(tables["conditions"])),
+        "learning_curves.csv": _text(_curve_rows(tables["conditions"])),
+        "exclusions.csv": _text(tables["exclusions"]["rows"]),
+    }
+
+
+def _flat(row: Row) -> dict[str, Any]:
+    """Intervals as two columns, reasons of empty cells in ``why_empty``; nested parts left out."""
+    found: dict[str, Any] = {}
+    reasons: list[str] = []
+    for key, value in row.items():
+        if is_empty(value):
+            found[key] = ""
+            reasons.append(f"{key}: {value[EMPTY]}")
+            if key.endswith("ci95"):
+                found |= {f"{key}_low": "", f"{key}_high": ""}
+                del found[key]
+        elif _is_interval(value):
+            found |= {f"{key}_low": value[0], f"{key}_high": value[1]}
+        elif not isinstance(value, list | Mapping):
+            found[key] = value
+    return found | {"why_empty": "; ".join(dict.fromkeys(reasons))}
+
+
+def _table2_row(row: Row) -> dict[str, Any]:
+    named: dict[str, Any] = {k: row[k] for k in ("key", "title", "family", "people", "left_out")}
+    for part, keys in (
+        ("primary", ("r", "p", "interval", "adjusted_r2", "f_p")),
+        ("networks", ("r", "p", "interval", "lowest", "highest", "networks")),
+    ):
+        for key in keys:
+            name = "ci95" if key == "interval" else key
+            named[f"{part}_{name}"] = row[part] if is_empty(row[part]) else row[part][key]
+    return _flat(named | {"holm": row["holm"], "bh": row["bh"]})
+
+
+def _paper_rows(rows: Sequence[Row]) -> Iterable[dict[str, Any]]:
+    for row in rows:
+        if is_empty(row["paper_compatible"]):
+            yield _flat({"key": row["key"], "r": row["paper_compatible"]})
+            continue
+        for one in row["paper_compatible"]:
+            yield _flat({"key": row["key"], **one, "why": "; ".join(one.get("why", ()))})
+
+
+def _hypothesis(row: Row) -> dict[str, Any]:
+    effect, power = row["effect"], row["power"]
+    return _flat(
+        {
+            **{key: row[key] for key in ("id", "text", "primary", "planned", "test", "n")},
+            "p": row["p"],
+            "p_corrected": row["p_corrected"],
+            "alpha": row["alpha"],
+            "verdict": row["verdict"],
+            "effect_what": effect if is_empty(effect) else effect["what"],
+            "effect": effect if is_empty(effect) else effect["value"],
+            "effect_ci95": effect if is_empty(effect) else effect["ci95"],
+            "smallest_effect_80": power if is_empty(power) else power["smallest_effect_80"],
+            "power_of_medium": power if is_empty(power) else power["of_medium"],
+        }
+    )
+
+
+def _quality_rows(quality: Row) -> Iterable[dict[str, Any]]:
+    for split, found in quality.items():
+        if is_empty(found):
+            yield {"split": split, "why_empty": found[EMPTY]}
+            continue
+        for one in found["by_person"]:
+            yield _flat({"split": split, **one})
+
+
+def _condition_rows(conditions: Row) -> Iterable[dict[str, Any]]:
+    if not conditions["metrics"]:
+        yield {"metric": "", "why_empty": conditions["why_empty"]}
+    for metric, found in conditions["metrics"].items():
+        for name, cell in found["means"].items():
+            yield _flat({"metric": metric, "condition": name, **cell})
+
+
+def _curve_rows(conditions: Row) -> Iterable[dict[str, Any]]:
+    for metric, found in conditions["metrics"].items():
+        for name, curve in found["curves"].items():
+            for one in curve:
+                yield _flat({"metric": metric, "condition": name, **one})
+
+
+def _is_interval(value: Any) -> bool:
+    numbers = isinstance(value, list) and len(value) == 2
+    return numbers and all(isinstance(one, int | float) for one in value)
+
+
+def _text(rows: Iterable[Row]) -> str:
+    listed = list(rows)
+    names = list(dict.fromkeys(key for row in listed for key in row))
+    sink = io.StringIO()
+    writer = csv.DictWriter(sink, names or ["why_empty"], restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(listed)
+    return sink.getvalue()

@@ -1,0 +1,97 @@
+"""How much better labels became on rollouts that the network was not trained on."""
+
+from typing import Any
+
+import numpy as np
+
+from steerlab.analysis.statistics.bootstrap import (
+    RESAMPLES,
+    percentile_interval,
+    resample_counts,
+)
+from steerlab.analysis.statistics.outcome import Interval, NotComputable, too_few
+from steerlab.analysis.study_data.records import HeldOut, Role, StudyData
+from steerlab.analysis.study_tables.plain import empty, plain
+from steerlab.sim.rollout import FloatArray
+
+_SPLITS: tuple[tuple[Role, str], ...] = (("training", "seen"), ("test", "new"))
+NOT_HELD_OUT = "no network was trained without the rollouts it would be judged on"
+NO_ERROR = "the labels as given had no error, so no improvement is defined"
+
+
+def label_quality(data: StudyData, *, seed: int) -> dict[str, Any]:
+    """By role and network: error before and after, the share removed, and the paper's figure."""
+    found: dict[str, Any] = {}
+    for role, title in _SPLITS:
+        mine = [one for one in data.held_out if one.role == role]
+        if not mine:
+            who = "test participants" if role == "test" else "training participants"
+            nobody = not data.of_role(role)
+            found[title] = empty(f"there are no {who}" if nobody else NOT_HELD_OUT)
+            continue
+        networks = [_quality(one, seed) for one in mine]
+        shares = [one["improvement"] for one in networks if isinstance(one["improvement"], float)]
+        found[title] = {
+            **networks[0],
+            "networks": [
+                {"seed": one["seed"], "improvement": one["improvement"]} for one in networks
+            ],
+            "improvement_over_networks": [plain(min(shares)), plain(max(shares))]
+            if shares
+            else empty(NO_ERROR),
+            "by_person": [
+                {
+                    "person": person,
+                    "labels": int(labels),
+                    "mae_before": plain(before / labels) if labels else empty("no valid label"),
+                    "mae_after": plain(after / labels) if labels else empty("no valid label"),
+                }
+                for person, before, after, labels in zip(
+                    mine[0].people, mine[0].before, mine[0].after, mine[0].labels, strict=True
+                )
+            ],
+        }
+    return found
+
+
+def person_errors(one: HeldOut) -> tuple[np.ndarray, np.ndarray]:
+    """Mean errors before and after of everyone who has a valid held-out label, (people,) each."""
+    keep = one.labels > 0
+    return one.before[keep] / one.labels[keep], one.after[keep] / one.labels[keep]
+
+
+def _quality(one: HeldOut, seed: int) -> dict[str, Any]:
+    before, after, labels = float(one.before.sum()), float(one.after.sum()), int(one.labels.sum())
+    with_error = one.before > 0.0
+    if labels == 0:
+        nothing = empty("no held-out label is valid")
+        return {"seed": one.seed, "people": len(one.people), "labels": 0} | dict.fromkeys(
+            ("mae_before", "mae_after", "improvement", "ci95", "person_median"), nothing
+        )
+    medians = 1.0 - one.after[with_error] / one.before[with_error]
+    return {
+        "seed": one.seed,
+        "people": len(one.people),
+        "labels": labels,
+        "mae_before": plain(before / labels),
+        "mae_after": plain(after / labels),
+        "improvement": plain(1.0 - after / before) if before else empty(NO_ERROR),
+        "ci95": plain(_interval(one.before, one.after, seed)),
+        "person_median": plain(np.median(medians)) if len(medians) else empty(NO_ERROR),
+        "people_improved": plain(np.mean(one.after < one.before)),
+        "labels_worsened": plain(one.worsened / labels),
+        "per_sample_percent": plain(100.0 * one.ratios / one.with_error)
+        if one.with_error
+        else empty(NO_ERROR),
+    }
+
+
+def _interval(before: FloatArray, after: FloatArray, seed: int) -> Interval | NotComputable:
+    """Percentiles of the improvement over resampled people."""
+    if missing := too_few(len(before), 2):
+        return missing
+    counts = resample_counts(len(before), RESAMPLES, np.random.default_rng([seed, 0xB007]))
+    below = counts @ before
+    if not below.all():
+        return NotComputable(reason="some resamples have labels without any error")
+    return percentile_interval(1.0 - (counts @ after) / below, 0.95)

@@ -1,0 +1,93 @@
+"""Cells of ``tables.json`` in words: numbers as one prints them, and why a cell is empty."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from markupsafe import Markup
+
+from steerlab.analysis.figures.study import METRIC_WORDS
+from steerlab.analysis.study_tables.plain import EMPTY, is_empty
+from steerlab.analysis.wording import decimal, percent
+
+_MINUS = "\u2212"
+VERDICTS = {
+    "supported": "Supported",
+    "not supported": "Not supported",
+    "not testable": "Could not be tested",
+}
+
+
+class Reader:
+    """What the page's template calls on cells."""
+
+    def number(self, cell: Any, form: str = "decimal") -> Markup | str:
+        """A number, or why there is none.
+
+        Args:
+            form: ``decimal`` (two digits), ``p``, ``percent``, ``count`` or ``digits3``.
+        """
+        if cell is None:
+            return Markup('<span class="note">–</span>')
+        if is_empty(cell):
+            return self.why(cell)
+        forms = {
+            "decimal": lambda: decimal(cell),
+            "p": lambda: p_value(cell),
+            "percent": lambda: percent(cell),
+            "count": lambda: str(cell),
+            "digits3": lambda: f"{cell:.3g}".replace("-", _MINUS),
+        }
+        return forms[form]()
+
+    def p(self, cell: Any) -> Markup | str:
+        """``p = .012``, ``p < .001``, or why there is none."""
+        if cell is None or is_empty(cell):
+            return self.number(cell)
+        shown = p_value(cell)
+        return f"p\u00a0{shown}" if shown.startswith("<") else f"p\u00a0=\u00a0{shown}"
+
+    def metric(self, key: str) -> str:
+        """An outcome in words."""
+        return METRIC_WORDS.get(key, key)
+
+    def why(self, cell: Mapping[str, str]) -> Markup:
+        """The reason of an empty cell."""
+        return Markup('<span class="empty">{}</span>').format(cell[EMPTY])
+
+    def interval(self, cell: Any, form: str = "decimal") -> Markup | str:
+        """``0.12 to 0.34``; empty if the estimate says already why there is none."""
+        if cell is None or is_empty(cell):
+            return ""
+        low, high = (self.number(limit, form) for limit in cell)
+        return f"{low}\u00a0to\u00a0{high}"
+
+    def empty(self, cell: Any) -> bool:
+        """Whether a cell has no value."""
+        return is_empty(cell)
+
+    def verdict(self, row: Mapping[str, Any]) -> str:
+        """A hypothesis' verdict."""
+        return VERDICTS[row["verdict"]]
+
+
+def p_value(value: float) -> str:
+    """As journals print it."""
+    if value < 0.001:
+        return "<\u202f.001"
+    shown = f"{value:.3f}"
+    return shown.removeprefix("0") if value < 0.9995 else "1"
+
+
+def headline(tables: Mapping[str, Any]) -> str:
+    """The verdicts in one sentence."""
+    by: dict[str, list[str]] = {}
+    for row in tables["hypotheses"]:
+        by.setdefault(row["verdict"], []).append(row["id"])
+    words = {
+        "supported": "supported",
+        "not supported": "not supported",
+        "not testable": "could not be tested",
+    }
+    return "; ".join(
+        f"{', '.join(by[verdict])} {text}" for verdict, text in words.items() if verdict in by
+    )

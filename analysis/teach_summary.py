@@ -1,0 +1,240 @@
+"""A downstream comparison in numbers: conditions, their tests, and nothing that was not driven."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import rankdata, wilcoxon
+
+from steerlab.analysis.json_reader import InvalidSummary
+from steerlab.sim.rollout import FloatArray
+
+SCHEMA = 1
+METRICS = ("final_distance_m", "success")  # tested; lower and higher is better
+LOWER_IS_BETTER = ("final_distance_m", "mean_distance_m", "collisions", "label_mae")
+_RESAMPLES = 4000
+_DIGITS = 6
+_JUDGED = ("success", "collisions", "final_distance_m")
+_SUMMED = ("labels_asked", "teacher_seconds", "switches")
+
+Shard = Mapping[str, Any]
+"""One teacher's results as ``steerlab teach`` keeps them."""
+
+
+def summarise(
+    shards: Sequence[Shard],
+    *,
+    run: Mapping[str, Any],
+    versions: Mapping[str, str],
+    seconds: Mapping[str, float],
+) -> dict[str, Any]:
+    """``summary.json``: means over teachers, each first averaged over their learner seeds.
+
+    Args:
+        shards: of all teachers; those left out count in ``left_out`` only.
+        run: the settings; its ``learners`` are the conditions.
+
+    Raises:
+        InvalidSummary: no teacher could be judged, or a learner is missing.
+    """
+    left_out = {shard["teacher"]: shard["left_out"] for shard in shards if shard["left_out"]}
+    judged = [shard for shard in shards if not shard["left_out"]]
+    if not judged:
+        reasons = "; ".join(dict.fromkeys(left_out.values()))
+        raise InvalidSummary(f"No teacher could be judged: {reasons or 'there is none'}")
+    names = list(run["learners"])
+    for shard in judged:
+        if lacking := [name for name in names if name not in shard["conditions"]]:
+            raise InvalidSummary(
+                f"{shard['teacher']} has not taught {', '.join(lacking)}; give the command again."
+            )
+    people = {name: [_person(shard, name) for shard in judged] for name in names}
+    tables = {
+        name: {key: _column(people[name], key) for key in people[name][0] if key != "by_round"}
+        for name in names
+    }
+    return {
+        "schema": SCHEMA,
+        "verb": "teach",
+        "task": run["task"],
+        "rounds": run["rounds"],
+        "teachers": len(judged),
+        "seed": run["seed"],
+        "run": dict(run),
+        "versions": dict(sorted(versions.items())),
+        "seconds": {name: round(value, 1) for name, value in seconds.items()},
+        "left_out": left_out,
+        "conditions": {
+            name: {key: _mean(values) for key, values in tables[name].items()}
+            | {"by_round": _by_round(people[name])}
+            for name in names
+        },
+        "tests": compare(tables, seed=run["seed"]),
+    }
+
+
+def compare(tables: Mapping[str, Mapping[str, FloatArray]], *, seed: int) -> list[dict[str, Any]]:
+    """Paired tests over teachers for ``pairs_of`` the conditions; Holm over all of them.
+
+    ``better`` and ``worse`` count teachers for whom a is better or worse than b, ``effect`` is the
+    matched-pairs rank-biserial correlation (positive: a is better), ``ci95`` the bootstrap interval
+    of the mean of a - b over teachers. Nothing is tested with fewer than two teachers.
+    """
+    tests: list[dict[str, Any]] = []
+    for metric in METRICS:
+        for first, second in pairs_of(list(tables)):
+            difference = tables[first][metric] - tables[second][metric]
+            if len(difference) < 2:
+                continue
+            gain = -difference if metric in LOWER_IS_BETTER else difference
+            rng = np.random.default_rng([seed, 0xB007])
+            tests.append(
+                {
+                    "a": first,
+                    "b": second,
+                    "metric": metric,
+                    "better": int((gain > 0).sum()),
+                    "worse": int((gain < 0).sum()),
+                    "p": _p_value(gain),
+                    "p_holm": 1.0,
+                    "effect": rank_biserial(gain),
+                    "ci95": _interval(difference, rng),
+                }
+            )
+    for test, adjusted in zip(tests, holm([test["p"] for test in tests]), strict=True):
+        test["p_holm"] = round(adjusted, _DIGITS)
+        test["p"] = round(test["p"], _DIGITS)
+    return tests
+
+
+def pairs_of(names: Sequence[str]) -> list[tuple[str, str]]:
+    """MIND MELD against everything else, DAgger against BC, and each learner against DAgger."""
+    pairs = [("mind-meld", other) for other in names if other != "mind-meld"]
+    pairs += [(other, "dagger") for other in names if other not in ("dagger", "mind-meld")]
+    return [(first, second) for first, second in pairs if first in names and second in names]
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Adjusted p values (Holm, Scandinavian Journal of Statistics 1979), in the order given."""
+    order = np.argsort(p_values, kind="stable")
+    adjusted, floor = [0.0] * len(p_values), 0.0
+    for rank, index in enumerate(order):
+        floor = max(floor, min(1.0, (len(p_values) - rank) * p_values[index]))
+        adjusted[index] = floor
+    return adjusted
+
+
+def rank_biserial(gain: FloatArray) -> float:
+    """Share of rank sums for a minus that against it (Kerby 2014), -1 to 1; 0 if nobody differs."""
+    apart = gain[gain != 0.0]
+    if not len(apart):
+        return 0.0
+    ranks = rankdata(np.abs(apart))
+    return round(float((ranks * np.sign(apart)).sum() / ranks.sum()), _DIGITS)
+
+
+def shown_shard(shards: Sequence[Shard]) -> Shard:
+    """The teacher whose drives a page shows: the first that was judged."""
+    return next(shard for shard in shards if not shard["left_out"])
+
+
+def person_points(
+    shards: Sequence[Shard], names: Sequence[str]
+) -> dict[str, list[tuple[float, float]]]:
+    """Each judged teacher's label error and final success by learner; NaN where nobody was asked."""
+    points: dict[str, list[tuple[float, float]]] = {}
+    for name in names:
+        people = [_person(shard, name) for shard in shards if not shard["left_out"]]
+        errors = _column(people, "label_mae")
+        points[name] = [
+            (float(error), person["success"]) for error, person in zip(errors, people, strict=True)
+        ]
+    return points
+
+
+def table_lines(summary: Mapping[str, Any]) -> list[str]:
+    """A small table for the terminal."""
+    lines = [
+        f"{'learner':<24}{'success':>9}{'distance m':>12}{'label MAE':>11}{'labels':>8}{'hits':>7}"
+    ]
+    for name, found in summary["conditions"].items():
+        mae = found["label_mae"]
+        lines.append(
+            f"{name:<24}{found['success']:>9.2f}{found['final_distance_m']:>12.1f}"
+            f"{'-' if mae is None else format(mae, '.2f'):>11}{found['labels_asked']:>8.0f}"
+            f"{found['collisions']:>7.2f}"
+        )
+    for name, why in summary["left_out"].items():
+        lines.append(f"left out: {name}: {why}")
+    return lines
+
+
+def _person(shard: Shard, name: str) -> dict[str, Any]:
+    """One teacher's figures, averaged over learner seeds."""
+    seeds = [one["by_round"] for one in shard["conditions"][name]]
+    rounds = len(seeds[0])
+    by_round = [
+        {"round": seeds[0][row]["round"]}
+        | {
+            key: _average([rounds_[row][key] for rounds_ in seeds])
+            for key in (*_JUDGED, *_SUMMED, "label_mae")
+        }
+        for row in range(rounds)
+    ]
+    last = by_round[-1]
+    own = [row["label_mae"] for row in by_round[1:]]
+    judged = [row["final_distance_m"] for row in by_round if row["final_distance_m"] is not None]
+    return {
+        "success": last["success"],
+        "final_distance_m": last["final_distance_m"],
+        "mean_distance_m": float(np.mean(judged)),
+        "collisions": last["collisions"],
+        "label_mae": _average(own),
+        **{key: float(_column(by_round, key).sum()) for key in _SUMMED},
+        "by_round": by_round,
+    }
+
+
+def _by_round(people: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Means over teachers, with bootstrap intervals where policies were judged."""
+    rows: list[dict[str, Any]] = []
+    for index, first in enumerate(people[0]["by_round"]):
+        rounds = [person["by_round"][index] for person in people]
+        row: dict[str, Any] = {"round": first["round"]}
+        for key in (*_JUDGED, *_SUMMED, "label_mae"):
+            row[key] = _mean(_column(rounds, key))
+        for key in ("success", "final_distance_m"):
+            values = _column(rounds, key)
+            known = values[np.isfinite(values)]
+            rng = np.random.default_rng(index)
+            row[f"{key}_ci95"] = _interval(known, rng) if len(known) > 1 else None
+        rows.append(row)
+    return rows
+
+
+def _column(rows: Sequence[Mapping[str, Any]], key: str) -> FloatArray:
+    """Values with NaN for null, (rows,)."""
+    return np.array([np.nan if row[key] is None else row[key] for row in rows], dtype=np.float64)
+
+
+def _average(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+def _mean(values: FloatArray) -> float | None:
+    known = values[np.isfinite(values)]
+    return round(float(known.mean()), _DIGITS) if len(known) else None
+
+
+def _interval(values: FloatArray, rng: np.random.Generator) -> list[float]:
+    drawn = rng.integers(len(values), size=(_RESAMPLES, len(values)))
+    return np.round(np.quantile(values[drawn].mean(axis=1), (0.025, 0.975)), _DIGITS).tolist()
+
+
+def _p_value(gain: FloatArray) -> float:
+    """Wilcoxon's signed-rank test, two-sided; 1 where no teacher differs."""
+    if not gain.any():
+        return 1.0
+    result: Any = wilcoxon(gain)
+    return float(result.pvalue)

@@ -1,0 +1,66 @@
+"""How well a policy drives: from all starts in lock step, with one batched look at the network."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from steerlab.learning.agents.contract import Learner
+from steerlab.learning.agents.stage import Stage
+from steerlab.learning.policy import Observations, stack
+from steerlab.sim.rollout import FloatArray, Outcome
+from steerlab.sim.tasks import HELD_STEPS, Start
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveResult:
+    """How one evaluation drive went; ``path_m`` is (points, 2), a point each half second."""
+
+    outcome: Outcome
+    final_distance_m: float
+    path_m: FloatArray
+
+
+class _Car:
+    """One start's state while the one simulator serves the others."""
+
+    def __init__(self, stage: Stage, start: Start) -> None:
+        stage.driving.reset(start=start.pose)
+        self.noise = start.noise
+        self.physics = stage.driving.physics_state()
+        self.seen: Observations = stage.look()
+        self.path: list[tuple[float, float]] = []
+        self.outcome = Outcome.RUNNING
+        self.distance_m = stage.driving.distance_to_ball_m
+        self.mark(stage)
+
+    def mark(self, stage: Stage) -> None:
+        pose = stage.driving.state.pose
+        self.path.append((pose.x_m, pose.y_m))
+
+    def drive(self, stage: Stage, decision: int, wheel: float) -> None:
+        driving = stage.driving
+        driving.restore(self.physics)
+        for _ in range(HELD_STEPS):
+            if driving.step(wheel + float(self.noise[decision])) is not Outcome.RUNNING:
+                break
+        self.outcome, self.distance_m = driving.outcome, driving.distance_to_ball_m
+        over = self.outcome is not Outcome.RUNNING
+        if over or decision % 5 == 4:
+            self.mark(stage)
+        if not over:
+            self.physics = driving.physics_state()
+            self.seen = stage.look()
+
+
+def evaluate(stage: Stage, learner: Learner, starts: Sequence[Start]) -> list[DriveResult]:
+    """Drive from each of ``starts`` under its noise; nobody teaches."""
+    cars = [_Car(stage, start) for start in starts]
+    for decision in range(stage.task.decisions):
+        running = [car for car in cars if car.outcome is Outcome.RUNNING]
+        if not running:
+            break
+        wheels = learner.act(stack([car.seen for car in running]))
+        for car, wheel in zip(running, wheels.tolist(), strict=True):
+            car.drive(stage, decision, wheel)
+    return [DriveResult(car.outcome, car.distance_m, np.array(car.path)) for car in cars]

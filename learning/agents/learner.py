@@ -1,0 +1,114 @@
+"""The learner behind every condition: one or more policies, and the doubt its gate asks for."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import torch
+
+from steerlab.learning.agents.novelty import Novelty
+from steerlab.learning.agents.safety import SafetyModel
+from steerlab.learning.policy import (
+    Observations,
+    PolicyConfig,
+    PolicyNetwork,
+    decide,
+    features_of,
+    stack,
+)
+from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingRows, train_policy
+from steerlab.learning.training import torch_threads
+from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.rollout import FloatArray
+
+Doubts = Literal["none", "spread", "novelty", "safety"]
+SPREAD_WHEEL = 0.35  # standard deviation among policies at which doubt is 1
+
+
+class PolicyLearner:
+    """A ``Learner`` with warm weights: each round trains on from where the last one stopped.
+
+    Args:
+        seed: of weights and batches; equal for every condition that is compared.
+        members: policies; what it does is their mean.
+        doubts: ``spread`` of the members over ``SPREAD_WHEEL``, ``novelty`` or ``safety`` of the
+            first member's features.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        *,
+        members: int = 1,
+        doubts: str = "none",
+        policy: PolicyConfig | None = None,
+        training: PolicyTrainingConfig | None = None,
+    ) -> None:
+        if members < 1 or (doubts == "spread" and members < 2):
+            raise InvalidConfig(f"{members} policies cannot have doubt {doubts!r}; give more.")
+        if doubts not in ("none", "spread", "novelty", "safety"):
+            raise InvalidConfig(
+                f"doubts is {doubts!r}; choose one of none, spread, novelty, safety."
+            )
+        self._doubts = doubts
+        self._training = training or PolicyTrainingConfig()
+        config = policy or PolicyConfig()
+        self.networks: list[PolicyNetwork] = [
+            PolicyNetwork(config, torch.Generator().manual_seed(1000 * seed + member))
+            for member in range(members)
+        ]
+        self._rngs = [np.random.default_rng([seed, member, 0x7EA]) for member in range(members)]
+        self._novelty: Novelty | None = None
+        self._safety: SafetyModel | None = None
+        self._errors: list[FloatArray] = []  # of each episode, by the policy before it learned it
+
+    def act(self, seen: Observations) -> FloatArray:
+        """The members' mean wheel, (rows,)."""
+        with torch_threads(1):
+            return np.mean([decide(network, seen) for network in self.networks], axis=0)
+
+    def doubt(self, seen: Observations) -> FloatArray:
+        """(rows,); before the first ``train`` everything is doubtful.
+
+        Raises:
+            InvalidConfig: this learner was made without doubt.
+        """
+        if self._doubts == "none":
+            raise InvalidConfig("This learner has no doubt; give doubts='novelty' or another.")
+        with torch_threads(1):
+            if self._doubts == "spread":
+                wheels = [decide(network, seen) for network in self.networks]
+                return np.std(wheels, axis=0) / SPREAD_WHEEL
+            judge = self._novelty if self._doubts == "novelty" else self._safety
+            if judge is None:
+                return np.full(len(seen), np.inf)
+            return judge(features_of(self.networks[0], seen))
+
+    def train(self, episodes: Sequence[TrainingRows]) -> float:
+        """Learn from all episodes, then refit the doubt; the members' last mean loss.
+
+        Raises:
+            TrainingDiverged: the loss is not finite.
+        """
+        if self._doubts == "safety":
+            for episode in episodes[len(self._errors) :]:
+                self._errors.append(self.act(episode.seen) - episode.target)
+        rows = TrainingRows(
+            stack([episode.seen for episode in episodes]),
+            np.concatenate([episode.target for episode in episodes]),
+            np.concatenate([episode.weight for episode in episodes]),
+        )
+        losses = [
+            train_policy(network, rows, rng, self._training)
+            for network, rng in zip(self.networks, self._rngs, strict=True)
+        ]
+        with torch_threads(1):
+            if self._doubts == "novelty":
+                self._novelty = Novelty(
+                    [features_of(self.networks[0], episode.seen) for episode in episodes]
+                )
+            elif self._doubts == "safety":
+                self._safety = SafetyModel(
+                    features_of(self.networks[0], rows.seen), np.concatenate(self._errors)
+                )
+        return float(np.mean(losses))

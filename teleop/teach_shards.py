@@ -1,0 +1,162 @@
+"""One file a teacher, written whole or not at all, so that an interrupted run goes on."""
+
+import json
+import os
+from base64 import b64encode
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+from safetensors import SafetensorError
+
+from steerlab.learning.agents import Episode, RoundResult, Stage
+from steerlab.learning.policy import PolicyNetwork, save_policy
+from steerlab.sim.rollout import Outcome
+from steerlab.sim.world import REACH_M
+from steerlab.teleop.output_folder import OutputError
+
+SHARD_SCHEMA = 1
+SHOWN_FRAMES = 6
+_PATH_EVERY = 10  # control steps between the points of a drawn path
+_DIGITS = 4
+
+
+def write_json(values: object, path: Path, *, indent: int | None = 1) -> None:
+    """Write plain values; see ``write_text``."""
+    write_text(json.dumps(values, ensure_ascii=False, allow_nan=False, indent=indent) + "\n", path)
+
+
+def write_text(text: str, path: Path) -> None:
+    """Write beside, then rename: a reader never sees half a file.
+
+    Raises:
+        OutputError: there is no room, or nothing may be written; what was finished is kept.
+    """
+    with keeping(path) as fresh, fresh.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+@contextmanager
+def keeping(path: Path) -> Iterator[Path]:
+    """A file beside ``path`` to write to; it becomes ``path`` if the block ends well.
+
+    Raises:
+        OutputError: it cannot be written; ``path`` is as it was.
+    """
+    fresh = path.with_name(f".{path.name}.part")
+    try:
+        yield fresh
+        fresh.replace(path)
+    except (OSError, SafetensorError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise OutputError(
+            f"Cannot write {path}: {why}. What was finished is kept; make room and give the same "
+            "command again to go on."
+        ) from error
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+def keep_policies(networks: Sequence[PolicyNetwork], folder: Path, learner: str) -> None:
+    """One file a policy, ``<learner>-<member>.safetensors``.
+
+    Raises:
+        OutputError: they cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"Cannot write to {folder}: {error.strerror or error}.") from error
+    for member, network in enumerate(networks):
+        file = folder / f"{learner.replace(':', '-')}-{member}.safetensors"
+        with keeping(file) as fresh:
+            save_policy(network, fresh)
+
+
+def read_shard(path: Path) -> dict[str, Any]:
+    """What ``write_json`` kept of one teacher.
+
+    Raises:
+        OutputError: it is damaged or of another version.
+    """
+    try:
+        shard = json.loads(path.read_text(encoding="utf-8"))
+        schema = shard["schema"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise OutputError(
+            f"{path} is damaged ({error}); remove it, and the same command makes it again."
+        ) from error
+    if schema != SHARD_SCHEMA:
+        raise OutputError(f"{path} has schema {schema}, not {SHARD_SCHEMA}; remove the folder.")
+    return shard
+
+
+def round_values(result: RoundResult) -> dict[str, Any]:
+    """A round in plain values; evaluation is null where there was none."""
+    drives = result.drives
+    reached = [drive.outcome is Outcome.BALL_REACHED for drive in drives]
+    hit = [drive.outcome is Outcome.BLOCK_HIT for drive in drives]
+    # Whoever reached the ball is as near as anyone can be; centimetres below are no merit.
+    distance_m = [max(drive.final_distance_m, REACH_M) for drive in drives]
+    return {
+        "round": result.round_number,
+        "outcome": str(result.outcome),
+        "label_mae": _rounded(result.label_mae),
+        "labels_asked": result.labels_asked,
+        "teacher_seconds": _rounded(result.teacher_seconds),
+        "switches": result.switches,
+        "loss": _rounded(result.loss),
+        "drives": len(drives),
+        "success": _rounded(float(np.mean(reached)) if drives else None),
+        "collisions": _rounded(float(np.mean(hit)) if drives else None),
+        "final_distance_m": _rounded(float(np.mean(distance_m)) if drives else None),
+        "path_m": path_values(result.episode),
+    }
+
+
+def path_values(episode: Episode) -> list[list[float]]:
+    """Where the car went, thinned, with the last point."""
+    points = episode.rollout.pose[:, :2]
+    rows = [*range(0, len(points) - 1, _PATH_EVERY), len(points) - 1]
+    return np.round(points[rows], 2).tolist()
+
+
+def final_drives(results: Sequence[RoundResult]) -> list[dict[str, Any]]:
+    """The evaluation drives after the last round, a point each half second."""
+    return [
+        {
+            "outcome": str(drive.outcome),
+            "final_distance_m": round(drive.final_distance_m, 2),
+            "path_m": np.round(drive.path_m, 2).tolist(),
+        }
+        for drive in results[-1].drives
+    ]
+
+
+def shown_frames(stage: Stage, episode: Episode) -> list[str]:
+    """What the camera saw, evenly spread over the drive: base64 of PNG, 64 x 64."""
+    rollout = episode.rollout
+    frames: list[str] = []
+    for row in np.linspace(0, len(episode.rows) - 1, SHOWN_FRAMES).round().astype(int):
+        stage.driving.restore(rollout.physics_state[episode.rows[row]])
+        file = BytesIO()
+        Image.fromarray(stage.frame()).save(file, "PNG")
+        frames.append(b64encode(file.getvalue()).decode("ascii"))
+    return frames
+
+
+def missing_learners(shard: Mapping[str, Any], learners: Sequence[str]) -> list[str]:
+    """Learners that this teacher has still to teach; none if the teacher was left out."""
+    if shard["left_out"]:
+        return []
+    return [name for name in learners if name not in shard["conditions"]]
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, _DIGITS)

@@ -1,0 +1,112 @@
+"""Outcomes of conditions: a table, a Parquet file or a teach run's shards."""
+
+import json
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from steerlab.analysis.study_data.conditions_file import left_out_teachers, read_conditions
+from steerlab.analysis.study_data.errors import NotAStudy
+
+HEAD = "participant,condition,round,success,final_distance_m,label_mae,position\n"
+
+
+def table(tmp_path: Path, *rows: str, head: str = HEAD) -> Path:
+    path = tmp_path / "outcomes.csv"
+    path.write_text(head + "".join(f"{row}\n" for row in rows))
+    return path
+
+
+def test_a_csv_and_the_same_parquet(tmp_path):
+    path = table(tmp_path, "P1,bc,0,0.5,12.5,,1", "P1,bc,1,1,4.5,0.3,1")
+    found = read_conditions(path)
+    assert [(o.metric, o.round, o.value, o.position) for o in found] == [
+        ("success", 0, 0.5, 1),
+        ("final_distance_m", 0, 12.5, 1),
+        ("success", 1, 1.0, 1),
+        ("final_distance_m", 1, 4.5, 1),
+        ("label_mae", 1, 0.3, 1),
+    ]
+    parquet = tmp_path / "outcomes.parquet"
+    pq.write_table(
+        pa.table(
+            {
+                "participant": ["P1", "P1"],
+                "condition": ["bc", "bc"],
+                "round": [0, 1],
+                "success": [False, True],
+            }
+        ),
+        parquet,
+    )
+    assert [(o.round, o.value, o.position) for o in read_conditions(parquet)] == [
+        (0, 0.0, None),
+        (1, 1.0, None),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("rows", "head", "said"),
+    [
+        (["P1,bc,0"], "participant,condition,round\n", "one or more of success"),
+        (["P1,0.5"], "participant,success\n", "lacks condition, round"),
+        (["P1,bc,0,1.5,,,"], HEAD, "row 2: success is 1.5; it must be from 0 to 1"),
+        (["P1,bc,0,1,,,", "P1,bc,0,1,,,"], HEAD, "row 3: 'P1' has 'bc' in round 0 twice"),
+        (["P1,bc,-1,1,,,"], HEAD, "round is -1"),
+        (["P1,,0,1,,,"], HEAD, "condition is empty"),
+        (["P1,bc,0,often,,,"], HEAD, "success is 'often'"),
+    ],
+)
+def test_a_wrong_table_is_refused_with_its_row(tmp_path, rows, head, said):
+    with pytest.raises(NotAStudy, match=said):
+        read_conditions(table(tmp_path, *rows, head=head))
+
+
+def test_what_is_no_table_is_refused(tmp_path):
+    with pytest.raises(NotAStudy, match="cannot be read as a table"):
+        read_conditions(tmp_path / "missing.csv")
+    (tmp_path / "bad.parquet").write_text("no parquet")
+    with pytest.raises(NotAStudy, match="cannot be read as a table"):
+        read_conditions(tmp_path / "bad.parquet")
+    with pytest.raises(NotAStudy, match=r"no teachers/\*\.json"):
+        read_conditions(tmp_path)
+
+
+def _shard(teacher: str, *successes: float | None, left_out: str | None = None) -> dict:
+    seeds = [
+        {
+            "by_round": [
+                {"round": 0, "success": 0.0, "final_distance_m": 30.0, "label_mae": None},
+                {"round": 1, "success": one, "final_distance_m": 5.0, "label_mae": 0.25},
+            ]
+        }
+        for one in successes
+    ]
+    return {
+        "teacher": teacher,
+        "left_out": left_out,
+        "conditions": {} if left_out else {"mind-meld": seeds},
+    }
+
+
+def test_shards_are_averaged_over_learner_seeds(tmp_path):
+    folder = tmp_path / "teachers"
+    folder.mkdir()
+    for name, shard in (
+        ("a", _shard("a", 0.4, 0.8)),
+        ("b", _shard("b", None, 1.0)),
+        ("c", _shard("c", left_out="never reached the ball")),
+    ):
+        (folder / f"{name}.json").write_text(json.dumps(shard))
+    found = {(o.person, o.metric, o.round): o.value for o in read_conditions(tmp_path)}
+    assert found["a", "success", 1] == pytest.approx(0.6)
+    assert found["b", "success", 1] == 1.0
+    assert ("a", "label_mae", 0) not in found
+    assert {person for person, _, _ in found} == {"a", "b"}
+    (left,) = left_out_teachers(tmp_path)
+    assert (left.who, left.why) == ("c", "never reached the ball")
+    (folder / "d.json").write_text('{"teacher": "d"}')
+    with pytest.raises(NotAStudy, match="no shard of steerlab teach"):
+        read_conditions(tmp_path)

@@ -1,0 +1,133 @@
+"""Rounds of driving, labels and training on the real thing, as short as they go."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from steerlab.learning.agents import (
+    BallNeverReached,
+    Judging,
+    Stage,
+    TeachingConfig,
+    demonstrate,
+    evaluate,
+    make_agent,
+    teach,
+)
+from steerlab.learning.agents.common import LearnerDrives, TeacherDrives, WhereTeacherDrives
+from steerlab.learning.agents.contract import Agent
+from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingDiverged
+from steerlab.sim.rollout import Outcome
+from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherStyle
+from steerlab.sim.tasks import draw_task_start, make_task
+
+pytestmark = [pytest.mark.render]
+GOOD = ScriptedTeacher("good", TeacherStyle(constant_noise=0.05), seed=1)
+CONFIG = TeachingConfig(rounds=1, training=PolicyTrainingConfig(steps=5))
+
+
+@pytest.fixture(scope="module")
+def stage():
+    with Stage(make_task("easy"), seed=0) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def demonstration(stage):
+    return demonstrate(stage, GOOD, CONFIG, seed=0)[0]
+
+
+def _judging(stage, count=1) -> Judging:
+    starts = [draw_task_start(stage.task, "test", number) for number in range(count)]
+    return Judging(on_the_way=starts[:1], at_the_end=starts)
+
+
+def _teach(stage, agent, demonstration, config=CONFIG, seed=0):
+    return teach(
+        stage, agent, GOOD, demonstration, _judging(stage), config, seed=seed,
+        progress=lambda share: None,
+    )  # fmt: skip
+
+
+def test_a_demonstration_is_redone_until_it_reaches_the_ball(stage, demonstration, monkeypatch):
+    assert demonstration.outcome is Outcome.BALL_REACHED
+    assert demonstration.teacher_drives.all()
+    assert np.isfinite(demonstration.live).all()
+    from steerlab.learning.agents import teaching
+
+    real, tries = teaching.play, []
+
+    def short(*arguments, **options):
+        episode = real(*arguments, **options)
+        tries.append(arguments[4].noise[0])
+        if len(tries) == 1:
+            failed = replace(episode.rollout, outcome=Outcome.BLOCK_HIT)
+            return replace(episode, rollout=failed)
+        return episode
+
+    monkeypatch.setattr(teaching, "play", short)
+    _, failed = demonstrate(stage, GOOD, CONFIG, seed=0)
+    assert failed == 1
+    assert tries[0] != tries[1]  # with other noise
+
+
+def test_a_teacher_who_never_arrives_is_said_to_be_so():
+    wrong_way = ScriptedTeacher("lost", TeacherStyle(bias=2.4), seed=0)
+    config = replace(CONFIG, demonstrations=2)
+    with (
+        Stage(make_task("easy"), seed=0) as stage,
+        pytest.raises(BallNeverReached, match="lost did not reach the ball of task 'easy' in 2"),
+    ):
+        demonstrate(stage, wrong_way, config, seed=0)
+
+
+@pytest.mark.slow
+def test_what_everyone_meets_depends_on_the_seed_alone(stage, demonstration):
+    _, one = _teach(stage, make_agent("dagger", {}), demonstration)
+    _, two = _teach(stage, make_agent("oracle", {}), demonstration)
+    assert (one[1].episode.rollout.pose[0] == two[1].episode.rollout.pose[0]).all()
+    assert one[0].episode is two[0].episode
+    assert two[0].label_mae == 0.0 < one[0].label_mae
+    _, again = _teach(stage, make_agent("dagger", {}), demonstration)
+    assert (one[1].episode.rollout.pose == again[1].episode.rollout.pose).all()
+    assert [drive.final_distance_m for drive in one[-1].drives] == [
+        drive.final_distance_m for drive in again[-1].drives
+    ]
+
+
+def test_a_gate_that_lets_no_label_through_leaves_the_policy_as_it_is(stage, demonstration):
+    nobody = Agent(name="nobody", gate=LearnerDrives(), rule=WhereTeacherDrives())
+    learner, (first, second) = _teach(stage, nobody, demonstration)
+    assert second.labels_asked == 0
+    assert second.loss is None
+    assert second.label_mae is None
+    assert second.teacher_seconds == 0.0
+    seen = demonstration.seen
+    untaught, _ = _teach(stage, nobody, demonstration, replace(CONFIG, evaluate_every=5))
+    assert (learner.act(seen) == untaught.act(seen)).all()
+    assert first.labels_asked == len(demonstration.rows)
+
+
+def test_what_a_round_costs_is_counted(stage, demonstration):
+    bc = Agent(name="bc", gate=TeacherDrives(), rule=WhereTeacherDrives())
+    _, (_, second) = _teach(stage, bc, demonstration)
+    assert second.labels_asked == len(second.episode.rows)
+    assert second.teacher_seconds == pytest.approx(0.1 * second.labels_asked)
+    assert second.switches == 0
+
+
+def test_a_loss_that_is_no_number_stops_the_learner(stage, demonstration):
+    wild = replace(CONFIG, training=PolicyTrainingConfig(steps=40, rate=1e30))
+    with pytest.raises(TrainingDiverged, match="lower the rate"):
+        _teach(stage, make_agent("dagger", {}), demonstration, wild)
+
+
+def test_judging_in_lock_step_is_judging_one_by_one(stage, demonstration):
+    learner, _ = _teach(stage, make_agent("dagger", {}), demonstration)
+    starts = [draw_task_start(stage.task, "lock", number) for number in range(2)]
+    together = evaluate(stage, learner, starts)
+    alone = [evaluate(stage, learner, [start])[0] for start in starts]
+    for one, other in zip(together, alone, strict=True):
+        assert one.outcome is other.outcome
+        assert one.path_m[:20] == pytest.approx(other.path_m[:20], abs=0.05)  # float32 batches
