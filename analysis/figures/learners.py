@@ -41,8 +41,9 @@ class Look:
 
 
 def learner_name(key: str) -> str:
-    """A learner's key in words; an unknown one without its prefix and underscores."""
-    return _NAMES.get(key, key.removeprefix("mapped:").replace("_", " "))
+    """A learner's key in words, spelt as a learner or as a study's condition (``mind_meld``)."""
+    known = _NAMES.get(key) or _NAMES.get(key.replace("_", "-"))
+    return known or key.removeprefix("mapped:").replace("_", " ")
 
 
 def learner_looks(names: Sequence[str]) -> dict[str, Look]:

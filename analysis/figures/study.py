@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
+from steerlab.analysis.figures.learners import learner_name
 from steerlab.analysis.figures.look import (
     BLUE,
     INK,
@@ -136,7 +138,7 @@ def learning_curves_figure(metrics: Mapping[str, Mapping[str, Any]]) -> Figure:
                 linewidth=1.6,
                 marker=SEEN_MARKER,
                 markersize=3,
-                label=name,
+                label=learner_name(name),
             )
             known = [one for one in curve if isinstance(one["ci95"], list)]
             if known:
@@ -145,6 +147,7 @@ def learning_curves_figure(metrics: Mapping[str, Mapping[str, Any]]) -> Figure:
                 axes.fill_between(at, low, high, color=colours[name], alpha=0.1, linewidth=0)
         axes.set_title(METRIC_WORDS.get(metric, metric), size=TEXT_PT, color=INK, loc="left")
         axes.set_xlabel("round")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     _legend(figure, panels[0], columns=min(5, len(names)))
     return figure
 

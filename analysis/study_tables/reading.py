@@ -5,8 +5,10 @@ from typing import Any
 
 from markupsafe import Markup
 
+from steerlab.analysis.figures.learners import learner_name
 from steerlab.analysis.figures.study import METRIC_WORDS
 from steerlab.analysis.study_tables.plain import EMPTY, is_empty
+from steerlab.analysis.surveys.questionnaire import Questionnaire
 from steerlab.analysis.wording import decimal, percent
 
 _MINUS = "\u2212"
@@ -18,7 +20,14 @@ VERDICTS = {
 
 
 class Reader:
-    """What the page's template calls on cells."""
+    """What the page's template calls on cells.
+
+    Args:
+        questionnaires: by key, for the titles of outcomes that are their scales.
+    """
+
+    def __init__(self, questionnaires: Mapping[str, Questionnaire] | None = None) -> None:
+        self._questionnaires = questionnaires or {}
 
     def number(self, cell: Any, form: str = "decimal") -> Markup | str:
         """A number, or why there is none.
@@ -47,8 +56,25 @@ class Reader:
         return f"p\u00a0{shown}" if shown.startswith("<") else f"p\u00a0=\u00a0{shown}"
 
     def metric(self, key: str) -> str:
-        """An outcome in words."""
-        return METRIC_WORDS.get(key, key)
+        """An outcome in words; a questionnaire's is spelt ``questionnaire.scale``."""
+        asked, _, scale = key.partition(".")
+        if scale and asked in self._questionnaires:
+            found = self._questionnaires[asked]
+            return f"{found.title}: {found.scale(scale).title}"
+        words = METRIC_WORDS.get(key, key)
+        return words[:1].upper() + words[1:]
+
+    def condition(self, key: str) -> str:
+        """A condition in words."""
+        return learner_name(key)
+
+    def untested(self, found: Mapping[str, Any]) -> Markup | str:
+        """The one reason why an outcome was not tested at all; empty if any test was made."""
+        tests = [found[name] for name in ("friedman", "repeated_measures", "mixed_model")]
+        pairs = found["pairs"]
+        tests += [pairs] if is_empty(pairs) else [pair["test"] for pair in pairs]
+        reasons = {one[EMPTY] if is_empty(one) else "" for one in tests}
+        return self.why(tests[0]) if len(reasons) == 1 and "" not in reasons else ""
 
     def why(self, cell: Mapping[str, str]) -> Markup:
         """The reason of an empty cell."""

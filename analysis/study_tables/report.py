@@ -59,7 +59,7 @@ def render_analysis(report: AnalysisReport) -> str:
         headline=headline(tables),
         deviations=deviations(data, tables["hypotheses"]),
         methods=methods_text(analysis, report.versions),
-        read=Reader(),
+        read=Reader(data.questionnaires),
         summary=SimpleNamespace(
             seed=analysis.config.seed, versions=report.versions, seconds=report.seconds
         ),

@@ -41,7 +41,9 @@ def contents(file: Path, recording: int = 0) -> dict[tuple[str, str, int | None]
 def finished(tmp_path):
     def read():
         with StudyStore.open(tmp_path / "study" / "study.db", read_only=True) as store:
-            return [a.status for a in store.attempts()], store.read_labels().num_rows
+            return [a.status for a in store.attempts()], store.read_labels(
+                [AttemptStatus.FINISHED]
+            ).num_rows
 
     return read
 

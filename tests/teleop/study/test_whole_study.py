@@ -8,6 +8,7 @@ import pytest
 from steerlab.sim.store_events import Flag
 from steerlab.sim.store_frozen import read_embeddings
 from steerlab.sim.store_schema import STORE_VERSION, connect
+from steerlab.sim.store_teaching import read_teaching_rounds
 from steerlab.teleop.cli import main
 from steerlab.teleop.study.contract import Role, StudyError
 from steerlab.teleop.study.scripted import ScriptedParticipant
@@ -28,6 +29,26 @@ def _flagged_everywhere(folder, monkeypatch, who):
         patch.setattr(study._opened.store, "flags", lambda attempt: flags)
         (found,) = [one.found for one in study.verify().findings if one.what == who and not one.ok]
     return found.count("overrun_share")
+
+
+def _analysed(folder, capsys):
+    """``steerlab analyze`` reads the rounds that were taught, and erasing takes its report."""
+    assert main(["analyze", str(folder), "--seeds", "0", "--permutations", "99"]) == 0
+    capsys.readouterr()
+    tables = json.loads((folder / "report" / "tables.json").read_text())
+    found = tables["conditions"]["metrics"]["final_distance_m"]
+    assert set(found["conditions"]) == {"mind_meld", "dagger", "bc"}
+    assert found["people"] == 2
+    with Study.open(folder, read_only=True) as study:
+        taught = read_teaching_rounds(study._opened.store.connection).to_pylist()
+    last = max(row["round"] for row in taught)
+    for name, one in found["means"].items():
+        own = [
+            row["final_distance_m"]
+            for row in taught
+            if row["condition"] == name and row["round"] == last
+        ]
+        assert one["mean"] == pytest.approx(np.mean(own), rel=1e-5)
 
 
 @pytest.mark.slow
@@ -61,7 +82,9 @@ def test_four_training_and_two_test_participants(folder, capsys, change, monkeyp
         )
         labels = study._opened.store.read_labels()
         assert len(set(labels.column("participant").to_pylist())) == 6
+    _analysed(folder, capsys)
     steerlab(capsys, "withdraw", folder, "P002", "--erase")
+    assert not (folder / "report").exists()
     steerlab(capsys, "withdraw", folder, "T004", "--keep")
     said = steerlab(capsys, "verify", folder, "--expect-head", verified["head"])
     assert "BAD" not in said
