@@ -14,6 +14,7 @@ from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.records import LabelledStep
 from steerlab.sim.vehicle import WHEEL_LIMIT
+from steerlab.teleop.attempt import AttemptRecord, Recorder
 from steerlab.teleop.devices.profile import (
     Measured,
     ProfileMatch,
@@ -31,7 +32,6 @@ from steerlab.teleop.loop import run_drive
 from steerlab.teleop.pacing import NS_PER_S, PacingConfig, WallClock, no_garbage_collection
 from steerlab.teleop.screen.contract import DriveView, Screen
 from steerlab.teleop.sdl import SdlEvents
-from steerlab.teleop.session import AttemptRecord, Recorder
 from steerlab.teleop.timing import StepTiming
 
 TURN_HZ = 0.4  # the wheel goes from side to side this often

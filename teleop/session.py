@@ -1,64 +1,27 @@
 """A person's session: drive after drive, with countdown, pauses and redos, until all are done."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from time import perf_counter_ns, sleep
-from typing import Protocol
 
-from steerlab.sim.errors import InvalidConfig, SteerlabError
-from steerlab.sim.records import Gate, LabelledStep
+from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.records import Gate
 from steerlab.sim.vehicle import CarConfig
+from steerlab.teleop.attempt import Attempts, Recorder
 from steerlab.teleop.devices.contract import Device
 from steerlab.teleop.drives.contract import Drive
-from steerlab.teleop.gates import FailedGate, GateConfig, LoopHealth, failed_gates
-from steerlab.teleop.loop import DriveEnd, run_drive
-from steerlab.teleop.pacing import PacingConfig, WallClock, no_garbage_collection
+from steerlab.teleop.gates import GateConfig, LoopHealth
+from steerlab.teleop.loop import DriveEnd
+from steerlab.teleop.pacing import PacingConfig, WallClock
 from steerlab.teleop.pages import (
     drive_done_page,
-    error_page,
     pause_page,
     session_done_page,
 )
 from steerlab.teleop.screen.contract import Act, DriveView, Page, Screen
 from steerlab.teleop.stage import Stage
-from steerlab.teleop.timing import StepTiming
 from steerlab.teleop.watch import PersonWatch
-
-
-class AttemptRecord(Protocol):
-    """Keeps one attempt; ``order`` is its place in the participant's session."""
-
-    attempt: int
-    order: int
-
-    def step(self, step: LabelledStep, timing: StepTiming | None) -> None:
-        """Keep one step; returns at once.
-
-        Raises:
-            SteerlabError: steps can no longer be kept.
-        """
-        ...
-
-    def event(self, step: int, what: str) -> None:
-        """Keep that something happened."""
-        ...
-
-    def finish(self, failed: Sequence[FailedGate]) -> None:
-        """All steps are there; durable when this returns."""
-        ...
-
-    def abandon(self, reason: str) -> None:
-        """The attempt does not count; its steps stay."""
-        ...
-
-
-class Recorder(Protocol):
-    """Keeps a session."""
-
-    def begin(self, drive: Drive) -> AttemptRecord:
-        """Open the participant's next attempt at a drive."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,16 +79,24 @@ class Session:
     ) -> None:
         self._screen = screen
         self._device = device
-        self._recorder = recorder
         self._participant = participant
         self._config = config or SessionConfig()
         self._car = CarConfig()
         self._total = total
         self.done = done
-        self._now_ns = now_ns
         self._clock = WallClock(self._config.pacing, poll, now_ns=now_ns, sleep_s=sleep_s)
         self._watch = PersonWatch(screen)
         self._stage = Stage(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
+        self._attempts = Attempts(
+            screen=screen,
+            device=device,
+            recorder=recorder,
+            participant=participant,
+            clock=self._clock,
+            watch=self._watch,
+            gates=self._config.gates,
+            now_ns=now_ns,
+        )
         self.health: list[LoopHealth] = []
 
     def run(self, drives: Iterable[Drive]) -> SessionEnd:
@@ -145,50 +116,21 @@ class Session:
         while True:
             if not self._countdown(drive):
                 return False
-            end, failed = self._attempt(drive)
+            tried = self._attempts.run(drive, lambda fraction: self._show(drive, fraction))
+            end = tried.end
+            if tried.health is not None:
+                self.health.append(tried.health)
             if end is DriveEnd.STOPPED:
                 return False
             if end is not DriveEnd.FINISHED:
                 if end is not DriveEnd.REDO and not self._pause(end):
                     return False
                 continue
-            page = drive_done_page(drive.outcome, failed, self.done + 1, self._total)
+            page = drive_done_page(drive.outcome, tried.failed, self.done + 1, self._total)
             act = self._stage.ask(lambda page=page: page, {Act.CONFIRM, Act.REDO, Act.STOP})
             if act is not Act.REDO:
                 self.done += 1
                 return act is not Act.STOP
-
-    def _attempt(self, drive: Drive) -> tuple[DriveEnd, list[FailedGate]]:
-        record = self._recorder.begin(drive)
-        timings: list[StepTiming] = []
-        sink = _Collecting(record, timings)
-        self._watch.begin(self._device.read())
-        try:
-            with no_garbage_collection():
-                end = run_drive(
-                    drive,
-                    self._device,
-                    participant=self._participant,
-                    order=record.order,
-                    attempt=record.attempt,
-                    clock=self._clock,
-                    sink=sink,
-                    watch=self._watch,
-                    show=lambda fraction: self._show(drive, fraction),
-                    now_ns=self._now_ns,
-                )
-            if end is not DriveEnd.FINISHED:
-                record.event(len(timings), end.value)
-                record.abandon(end.value)
-                return end, []
-            health = LoopHealth.of(timings, self._clock.frame_ns, self._clock.dropped)
-            failed = failed_gates(health, self._config.gates)
-            record.finish(failed)
-        except SteerlabError as error:
-            self._screen.show_page(error_page(str(error)))
-            raise
-        self.health.append(health)
-        return end, failed
 
     def _show(self, drive: Drive, fraction: float) -> None:
         moment = drive.between(fraction)
@@ -223,16 +165,3 @@ class Session:
             return pause_page(why, sample, self._device.info.name, focused=self._screen.focused)
 
         return self._stage.ready(page)
-
-
-class _Collecting:
-    """Passes steps on, and keeps their timings for the gates."""
-
-    def __init__(self, record: AttemptRecord, timings: list[StepTiming]) -> None:
-        self._record = record
-        self._timings = timings
-
-    def step(self, step: LabelledStep, timing: StepTiming | None) -> None:
-        self._record.step(step, timing)
-        if timing is not None:
-            self._timings.append(timing)

@@ -1,6 +1,5 @@
 """The network that training participants teach, frozen; and each test participant's w from it."""
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from hashlib import sha256
@@ -21,6 +20,7 @@ from steerlab.sim.store_frozen import (
     read_embeddings,
     read_models,
 )
+from steerlab.teleop.durable_file import put
 from steerlab.teleop.study.contract import PhaseKind, PhaseState, Role, Standing, StudyError
 from steerlab.teleop.study.frozen_files import MODELS
 from steerlab.teleop.study.opened import OpenStudy
@@ -86,7 +86,7 @@ def train(study: OpenStudy, progress: ProgressBar) -> FrozenModel:
     save_mapper(mapper, part)
     digest = sha256(part.read_bytes()).hexdigest()
     file = f"{MODELS}/mind_meld-{digest[:12]}.safetensors"
-    _put(part, study.folder / file)
+    put(part, study.folder / file)
     with study.store.connection.transaction("freeze the network", durable=True):
         insert_model(study.store.connection, file=file, sha256=digest, people=names, inputs=inputs)
     frozen = frozen_model(study)
@@ -142,7 +142,7 @@ def calibrate_participant(
     path = person_file(study, model, participant)
     part = path.with_name(f".{path.name}.part")
     save_mapper(mapper, part)
-    _put(part, path)
+    put(part, path)
     with study.store.connection.transaction(f"keep w of {participant!r}", durable=True):
         insert_embedding(study.store.connection, kept)
     return kept
@@ -213,15 +213,3 @@ def _fingerprint(series: Sequence[LabelSeries]) -> str:
         for values in (one.label, one.truth):
             digest.update(values.tobytes())
     return digest.hexdigest()
-
-
-def _put(part: Path, path: Path) -> None:
-    """Give a file its name once the disk has all of it."""
-    with part.open("rb") as file:
-        os.fsync(file.fileno())
-    part.replace(path)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)

@@ -2,7 +2,6 @@
 # pyarrow ships no types:
 # pyright: reportMissingTypeStubs=false
 
-import os
 from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -25,6 +24,7 @@ from steerlab.sim.store_teaching import (
     read_taught,
     read_tried,
 )
+from steerlab.teleop.durable_file import put
 from steerlab.teleop.study.frozen_files import MODELS
 from steerlab.teleop.teaching.errors import TeachingError
 
@@ -102,7 +102,7 @@ class Register:
                 part = path.with_name(f"{path.name}.part")
                 save_policy(network, part)
                 kept[f"{POLICIES}/{path.name}"] = sha256(part.read_bytes()).hexdigest()
-                _put(part, path)
+                put(part, path)
         except (OSError, SafetensorError) as error:
             raise TeachingError(
                 f"The policy of round {number} cannot be kept in {folder}: {error}. Free some room "
@@ -145,15 +145,3 @@ class Register:
 
     def _mine(self) -> list[Attempt]:
         return [one for one in self._store.attempts() if one.participant == self.participant]
-
-
-def _put(part: Path, path: Path) -> None:
-    """Give a file its name once the disk has all of it."""
-    with part.open("rb") as file:
-        os.fsync(file.fileno())
-    part.replace(path)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)

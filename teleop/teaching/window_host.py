@@ -4,16 +4,16 @@ from collections.abc import Callable
 from time import perf_counter_ns, sleep
 
 from steerlab.sim.errors import SteerlabError
-from steerlab.sim.records import Gate, LabelledStep
+from steerlab.sim.records import Gate
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.vehicle import CarConfig
+from steerlab.teleop.attempt import Attempts
 from steerlab.teleop.devices.contract import Button, Device
-from steerlab.teleop.gates import FailedGate, LoopHealth, failed_gates
-from steerlab.teleop.loop import DriveEnd, run_drive
-from steerlab.teleop.pacing import NS_PER_S, WallClock, no_garbage_collection
+from steerlab.teleop.gates import LoopHealth
+from steerlab.teleop.loop import DriveEnd
+from steerlab.teleop.pacing import NS_PER_S, WallClock
 from steerlab.teleop.pages import error_page, pause_page
 from steerlab.teleop.recording.session_recorder import SessionRecorder
-from steerlab.teleop.recording.writer import AttemptWriter
 from steerlab.teleop.screen.contract import Act, DriveView, Page, Screen
 from steerlab.teleop.session import SessionConfig
 from steerlab.teleop.stage import PAGE_S, Stage
@@ -30,7 +30,6 @@ from steerlab.teleop.teaching.pages import (
     waiting_page,
 )
 from steerlab.teleop.teaching.register import outcome_event
-from steerlab.teleop.timing import StepTiming
 from steerlab.teleop.watch import PersonWatch
 
 PAGE_NS = NS_PER_S // 10  # while the robot learns: drawing takes time from it
@@ -65,13 +64,23 @@ class WindowHost:
         sleep_s: Callable[[float], None] = sleep,
     ) -> None:
         self._screen, self._device, self._poll = screen, device, poll
-        self._recorder, self._participant = recorder, participant
+        self._participant = participant
         self._title, self._count, self._config = title, count, config
         self._car = CarConfig()
         self._now_ns, self._sleep_s = now_ns, sleep_s
         self._clock = WallClock(config.pacing, poll, now_ns=now_ns, sleep_s=sleep_s)
         self._watch = PersonWatch(screen)
         self._stage = Stage(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
+        self._attempts = Attempts(
+            screen=screen,
+            device=device,
+            recorder=recorder,
+            participant=participant,
+            clock=self._clock,
+            watch=self._watch,
+            gates=config.gates,
+            now_ns=now_ns,
+        )
         self._told: tuple[str, ...] = ()
         self._shown_ns = 0
         self.health: list[LoopHealth] = []
@@ -93,15 +102,22 @@ class WindowHost:
             self._show(lesson, 0.0)
             if not self._stage.countdown(number, self._count, self._config.countdown_s):
                 return None
-            end, failed, record = self._attempt(lesson)
+            tried = self._attempts.run(
+                lesson.drive,
+                lambda fraction: self._show(lesson, fraction),
+                event=lambda: outcome_event(lesson.drive.outcome),
+            )
+            end = tried.end
+            if tried.health is not None:
+                self.health.append(tried.health)
             if end is DriveEnd.STOPPED:
                 return None
             if end is not DriveEnd.FINISHED:
                 if end is not DriveEnd.REDO and not self._pause(end):
                     return None
                 continue
-            if failed:
-                page = untimely_page(failed, number, self._count)
+            if tried.failed:
+                page = untimely_page(tried.failed, number, self._count)
                 act = self._ask(page, Act.CONFIRM, Act.REDO)
                 if act is Act.REDO:
                     continue
@@ -109,7 +125,7 @@ class WindowHost:
                     return None
             return Drove(
                 rollout=lesson.drive.name,
-                attempt=record.attempt,
+                attempt=tried.attempt,
                 outcome=lesson.drive.outcome,
                 seen=lesson.robot.seen,
             )
@@ -175,40 +191,6 @@ class WindowHost:
     def _ask(self, page: Page, *wanted: Act) -> Act:
         return self._stage.ask(lambda: page, {*wanted, Act.STOP})
 
-    def _attempt(self, lesson: Lesson) -> tuple[DriveEnd, list[FailedGate], AttemptWriter]:
-        drive = lesson.drive
-        record = self._recorder.begin(drive)
-        sink = _Collecting(record)
-        self._watch.begin(self._device.read())
-        failed: list[FailedGate] = []
-        try:
-            with no_garbage_collection():
-                end = run_drive(
-                    drive,
-                    self._device,
-                    participant=self._participant,
-                    order=record.order,
-                    attempt=record.attempt,
-                    clock=self._clock,
-                    sink=sink,
-                    watch=self._watch,
-                    show=lambda fraction: self._show(lesson, fraction),
-                    now_ns=self._now_ns,
-                )
-            if end is not DriveEnd.FINISHED:
-                record.event(len(sink.timings), end.value)
-                record.abandon(end.value)
-                return end, failed, record
-            health = LoopHealth.of(sink.timings, self._clock.frame_ns, self._clock.dropped)
-            failed = failed_gates(health, self._config.gates)
-            record.event(len(sink.timings), outcome_event(drive.outcome))
-            record.finish(failed)
-        except SteerlabError as error:
-            self._screen.show_page(error_page(str(error)))
-            raise
-        self.health.append(health)
-        return end, failed, record
-
     def _show(self, lesson: Lesson, fraction: float) -> None:
         moment, sample = lesson.drive.between(fraction), self._device.read()
         agent = self._config.show_agent_wheel
@@ -234,16 +216,3 @@ class WindowHost:
             return pause_page(why, sample, self._device.info.name, focused=self._screen.focused)
 
         return self._stage.ready(page)
-
-
-class _Collecting:
-    """Passes steps on, and keeps their timings for the gates."""
-
-    def __init__(self, record: AttemptWriter) -> None:
-        self._record = record
-        self.timings: list[StepTiming] = []
-
-    def step(self, step: LabelledStep, timing: StepTiming | None) -> None:
-        self._record.step(step, timing)
-        if timing is not None:
-            self.timings.append(timing)
