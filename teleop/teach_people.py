@@ -139,7 +139,7 @@ def _mind_meld(
     mapper.fit(seen)
     with keeping(kept) as fresh:
         save_mapper(mapper, fresh)
-    return mapper
+    return given_mapper(kept)  # as when the run goes on; and it can be sent to other processes
 
 
 def _label(rollouts: Sequence[Rollout], people: Sequence[Person]) -> list[LabelSeries]:

@@ -1,6 +1,7 @@
 """``steerlab teach`` end to end, as small as it goes: what it writes, repeats, resumes and refuses."""
 
 import json
+import pickle
 import shutil
 import subprocess
 from base64 import b64decode
@@ -28,7 +29,7 @@ from steerlab.teleop.cli import main
 from steerlab.teleop.output_folder import OutputError
 from steerlab.teleop.teach import teach
 from steerlab.teleop.teach_config import TeachConfig
-from steerlab.teleop.teach_people import _label, check_window, sample_teachers
+from steerlab.teleop.teach_people import _label, check_window, prepare, sample_teachers
 from steerlab.teleop.teach_shards import keep_policies, read_shard, write_json
 
 CONFIG = TeachConfig(
@@ -293,3 +294,17 @@ def test_processes_share_the_work_and_change_nothing(out, tmp_path):
         path = f"teachers/{teacher.name}.json"
         one, two = read_shard(out / path), read_shard(tmp_path / "out" / path)
         assert one["conditions"]["dagger"] == two["conditions"]["dagger"]
+
+
+@pytest.mark.slow
+def test_every_mapper_can_be_sent_to_another_process(tmp_path):
+    """Also one that was trained just now, and told its progress to somebody here."""
+    mapped = ("person_gain_lag", "person_ridge", "eb_nonlinear", "sim_pretrained")
+    learners = ("mind-meld", "mind-meld-mean", *(f"mapped:{name}" for name in mapped))
+    prepared = prepare(replace(CONFIG, learners=learners), tmp_path, _silent)
+    assert set(prepared.mappers) == {"mind_meld", "mean_embedding", *mapped}
+    teacher = prepared.teachers[0]
+    (series,) = _label(load_calibration_set()[:1], [teacher])
+    sent = pickle.loads(pickle.dumps(prepared.mappers))
+    for name, mapper in prepared.mappers.items():
+        np.testing.assert_array_equal(sent[name].map(series), mapper.map(series), name)
