@@ -108,9 +108,9 @@ def test_kill_9_at_random_moments(tmp_path: Path, kills: int, rerun: str, seed: 
     assert check.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
     assert check.execute("PRAGMA foreign_key_check").fetchall() == []
     check.close()
-    assert {a.end_reason for a in attempts if a.status is AttemptStatus.ABANDONED} == {
-        "found running after a crash"
-    }
+    reasons = {a.end_reason for a in attempts if a.status is AttemptStatus.ABANDONED}
+    assert reasons <= {"found running after a crash"}
+    assert reasons or kills < 10  # a few kills may all fall between two attempts
 
 
 @pytest.fixture
