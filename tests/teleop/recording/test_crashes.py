@@ -23,6 +23,7 @@ WRITER = """
 import sys
 from dataclasses import replace
 from pathlib import Path
+from time import sleep
 from types import SimpleNamespace
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.labelling import labelled_step
@@ -54,6 +55,7 @@ with SessionRecorder(Path(sys.argv[1]), info, rerun=sys.argv[2] == "rerun") as r
                                overrun=False, focus=True, device_ok=True)
             taken = labelled_step(rollout, k, float(k), participant="P01", attempt=sink.attempt)
             sink.step(replace(taken, rollout="live"), times)
+            sleep(0.002)  # as in a drive, steps come one by one
         sink.event(39, "the last step")
         sink.finish()
         print("finished", sink.attempt, flush=True)
@@ -78,7 +80,7 @@ def test_kill_9_at_random_moments(tmp_path: Path, kills: int, rerun: str, seed: 
         )
         assert writer.stdout is not None
         told = [writer.stdout.readline() for _ in range(int(rng.integers(1, 160)))]
-        sleep(float(rng.uniform(0.0, 0.02)))  # the writer looks for orders every 4 ms
+        sleep(float(rng.uniform(0.0, 0.003)))
         os.kill(writer.pid, signal.SIGKILL)
         told += writer.stdout.readlines()
         writer.stdout.close()
@@ -108,9 +110,9 @@ def test_kill_9_at_random_moments(tmp_path: Path, kills: int, rerun: str, seed: 
     assert check.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
     assert check.execute("PRAGMA foreign_key_check").fetchall() == []
     check.close()
-    reasons = {a.end_reason for a in attempts if a.status is AttemptStatus.ABANDONED}
-    assert reasons <= {"found running after a crash"}
-    assert reasons or kills < 10  # a few kills may all fall between two attempts
+    assert {a.end_reason for a in attempts if a.status is AttemptStatus.ABANDONED} == {
+        "found running after a crash"
+    }
 
 
 @pytest.fixture
