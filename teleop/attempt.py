@@ -1,18 +1,20 @@
 """One attempt of a person at a drive: in real time, recorded, and judged by the gates."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from steerlab.sim.errors import SteerlabError
-from steerlab.sim.records import LabelledStep
+from steerlab.sim.records import Gate, LabelledStep
+from steerlab.sim.vehicle import CarConfig
 from steerlab.teleop.devices.contract import Device
 from steerlab.teleop.drives.contract import Drive
 from steerlab.teleop.gates import FailedGate, GateConfig, LoopHealth, failed_gates
 from steerlab.teleop.loop import DriveEnd, run_drive
 from steerlab.teleop.pacing import WallClock, no_garbage_collection
-from steerlab.teleop.pages import error_page
-from steerlab.teleop.screen.contract import Screen
+from steerlab.teleop.pages import error_page, pause_page
+from steerlab.teleop.screen.contract import DriveView, Page, Screen
+from steerlab.teleop.stage import Stage
 from steerlab.teleop.timing import StepTiming
 from steerlab.teleop.watch import PersonWatch
 
@@ -74,6 +76,39 @@ class Attempts:
     watch: PersonWatch
     gates: GateConfig
     now_ns: Callable[[], int]
+    show_agent_wheel: bool = False
+    car: CarConfig = field(default_factory=CarConfig)
+
+    def show(
+        self, drive: Drive, fraction: float, *, number: int, count: int, instruction: str
+    ) -> None:
+        """Draw a frame of a drive, ``fraction`` of the way to its next step."""
+        moment, sample = drive.between(fraction), self.device.read()
+        agent = self.show_agent_wheel
+        self.screen.show_drive(
+            DriveView(
+                pose=moment.pose,
+                road_wheel_rad=self.car.road_wheel_rad(moment.wheel) if agent else 0.0,
+                elapsed_s=self.clock.elapsed_s,
+                number=number,
+                count=count,
+                needle=sample.wheel if sample.ok else None,
+                agent_needle=moment.wheel if agent else None,
+                teacher_drives=moment.gate is Gate.TEACHER,
+                device=self.device.info.name,
+                device_ok=sample.ok,
+                instruction=instruction,
+            )
+        )
+
+    def pause(self, why: DriveEnd, stage: Stage) -> bool:
+        """Say why a drive was cut off, until the person goes on; False to stop."""
+
+        def page() -> Page:
+            sample = self.device.read()
+            return pause_page(why, sample, self.device.info.name, focused=self.screen.focused)
+
+        return stage.ready(page)
 
     def run(
         self,

@@ -6,8 +6,6 @@ from enum import StrEnum
 from time import perf_counter_ns, sleep
 
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.records import Gate
-from steerlab.sim.vehicle import CarConfig
 from steerlab.teleop.attempt import Attempts, Recorder
 from steerlab.teleop.devices.contract import Device
 from steerlab.teleop.drives.contract import Drive
@@ -16,10 +14,9 @@ from steerlab.teleop.loop import DriveEnd
 from steerlab.teleop.pacing import PacingConfig, WallClock
 from steerlab.teleop.pages import (
     drive_done_page,
-    pause_page,
     session_done_page,
 )
-from steerlab.teleop.screen.contract import Act, DriveView, Page, Screen
+from steerlab.teleop.screen.contract import Act, Screen
 from steerlab.teleop.stage import Stage
 from steerlab.teleop.watch import PersonWatch
 
@@ -78,10 +75,8 @@ class Session:
         sleep_s: Callable[[float], None] = sleep,
     ) -> None:
         self._screen = screen
-        self._device = device
         self._participant = participant
         self._config = config or SessionConfig()
-        self._car = CarConfig()
         self._total = total
         self.done = done
         self._clock = WallClock(self._config.pacing, poll, now_ns=now_ns, sleep_s=sleep_s)
@@ -96,6 +91,7 @@ class Session:
             watch=self._watch,
             gates=self._config.gates,
             now_ns=now_ns,
+            show_agent_wheel=self._config.show_agent_wheel,
         )
         self.health: list[LoopHealth] = []
 
@@ -123,7 +119,7 @@ class Session:
             if end is DriveEnd.STOPPED:
                 return False
             if end is not DriveEnd.FINISHED:
-                if end is not DriveEnd.REDO and not self._pause(end):
+                if end is not DriveEnd.REDO and not self._attempts.pause(end, self._stage):
                     return False
                 continue
             page = drive_done_page(drive.outcome, tried.failed, self.done + 1, self._total)
@@ -133,23 +129,12 @@ class Session:
                 return act is not Act.STOP
 
     def _show(self, drive: Drive, fraction: float) -> None:
-        moment = drive.between(fraction)
-        sample = self._device.read()
-        agent = self._config.show_agent_wheel
-        self._screen.show_drive(
-            DriveView(
-                pose=moment.pose,
-                road_wheel_rad=self._car.road_wheel_rad(moment.wheel) if agent else 0.0,
-                elapsed_s=self._clock.elapsed_s,
-                number=self.done + 1,
-                count=self._total,
-                needle=sample.wheel if sample.ok else None,
-                agent_needle=moment.wheel if agent else None,
-                teacher_drives=moment.gate is Gate.TEACHER,
-                device=self._device.info.name,
-                device_ok=sample.ok,
-                instruction=self._config.instruction,
-            )
+        self._attempts.show(
+            drive,
+            fraction,
+            number=self.done + 1,
+            count=self._total,
+            instruction=self._config.instruction,
         )
 
     def _countdown(self, drive: Drive) -> bool:
@@ -158,10 +143,3 @@ class Session:
         self._clock.start()
         self._show(drive, 0.0)
         return self._stage.countdown(self.done + 1, self._total, self._config.countdown_s)
-
-    def _pause(self, why: DriveEnd) -> bool:
-        def page() -> Page:
-            sample = self._device.read()
-            return pause_page(why, sample, self._device.info.name, focused=self._screen.focused)
-
-        return self._stage.ready(page)

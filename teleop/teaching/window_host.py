@@ -4,17 +4,15 @@ from collections.abc import Callable
 from time import perf_counter_ns, sleep
 
 from steerlab.sim.errors import SteerlabError
-from steerlab.sim.records import Gate
 from steerlab.sim.rollout import Outcome
-from steerlab.sim.vehicle import CarConfig
 from steerlab.teleop.attempt import Attempts
 from steerlab.teleop.devices.contract import Button, Device
 from steerlab.teleop.gates import LoopHealth
 from steerlab.teleop.loop import DriveEnd
 from steerlab.teleop.pacing import NS_PER_S, WallClock
-from steerlab.teleop.pages import error_page, pause_page
+from steerlab.teleop.pages import error_page
 from steerlab.teleop.recording.session_recorder import SessionRecorder
-from steerlab.teleop.screen.contract import Act, DriveView, Page, Screen
+from steerlab.teleop.screen.contract import Act, Page, Screen
 from steerlab.teleop.session import SessionConfig
 from steerlab.teleop.stage import PAGE_S, Stage
 from steerlab.teleop.teaching.conditions import Hands
@@ -66,7 +64,6 @@ class WindowHost:
         self._screen, self._device, self._poll = screen, device, poll
         self._participant = participant
         self._title, self._count, self._config = title, count, config
-        self._car = CarConfig()
         self._now_ns, self._sleep_s = now_ns, sleep_s
         self._clock = WallClock(config.pacing, poll, now_ns=now_ns, sleep_s=sleep_s)
         self._watch = PersonWatch(screen)
@@ -80,6 +77,7 @@ class WindowHost:
             watch=self._watch,
             gates=config.gates,
             now_ns=now_ns,
+            show_agent_wheel=config.show_agent_wheel,
         )
         self._told: tuple[str, ...] = ()
         self._shown_ns = 0
@@ -113,7 +111,7 @@ class WindowHost:
             if end is DriveEnd.STOPPED:
                 return None
             if end is not DriveEnd.FINISHED:
-                if end is not DriveEnd.REDO and not self._pause(end):
+                if end is not DriveEnd.REDO and not self._attempts.pause(end, self._stage):
                     return None
                 continue
             if tried.failed:
@@ -192,27 +190,10 @@ class WindowHost:
         return self._stage.ask(lambda: page, {*wanted, Act.STOP})
 
     def _show(self, lesson: Lesson, fraction: float) -> None:
-        moment, sample = lesson.drive.between(fraction), self._device.read()
-        agent = self._config.show_agent_wheel
-        self._screen.show_drive(
-            DriveView(
-                pose=moment.pose,
-                road_wheel_rad=self._car.road_wheel_rad(moment.wheel) if agent else 0.0,
-                elapsed_s=self._clock.elapsed_s,
-                number=lesson.number + 1,
-                count=self._count,
-                needle=sample.wheel if sample.ok else None,
-                agent_needle=moment.wheel if agent else None,
-                teacher_drives=moment.gate is Gate.TEACHER,
-                device=self._device.info.name,
-                device_ok=sample.ok,
-                instruction=lesson.during,
-            )
+        self._attempts.show(
+            lesson.drive,
+            fraction,
+            number=lesson.number + 1,
+            count=self._count,
+            instruction=lesson.during,
         )
-
-    def _pause(self, why: DriveEnd) -> bool:
-        def page() -> Page:
-            sample = self._device.read()
-            return pause_page(why, sample, self._device.info.name, focused=self._screen.focused)
-
-        return self._stage.ready(page)
