@@ -12,12 +12,14 @@ from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 
+from before_screen import sit_before  # pyright: ignore[reportMissingImports]
+
 from steerlab.sim.geometry import bearing_rad
 from steerlab.teleop import sdl, sitting
 from steerlab.teleop.cli import main
 from steerlab.teleop.devices.virtual import VirtualJoystick
 from steerlab.teleop.screen.drive_screen import DriveScreen
-from steerlab.teleop.sdl import SdlEvents, pygame
+from steerlab.teleop.sdl import pygame
 
 LEFT, RIGHT = -0.9, 0.9  # of the axis
 THROTTLE, BRAKE = 2, 1
@@ -74,6 +76,12 @@ class Driver:
             return [self.axis(0, 0.01), self.axis(0, 0.0)]
         return [self.space]
 
+    def sit_down(self) -> None:
+        self.wheel.plug_in()
+
+    def look_at_world(self, world) -> None:
+        self.ball_xy_m = world.ball_xy_m
+
     def look_at_drive(self, screen: DriveScreen, view) -> None:
         self.read = ""
         if view.elapsed_s < 0.04:
@@ -99,28 +107,7 @@ def run(folder: Path, shots: dict[str, str], arguments: list[str]) -> int:
     os.environ["XDG_CONFIG_HOME"] = str(folder / "config")
     driver = Driver(shots)
 
-    class Events(SdlEvents):
-        def __init__(self, *, window: bool) -> None:
-            super().__init__(window=window)
-            driver.wheel.plug_in()
-
-    show_page, show_drive, enter = DriveScreen.show_page, DriveScreen.show_drive, DriveScreen.enter
-
-    def page_and_look(screen, page):
-        show_page(screen, page)
-        driver.look_at_page(screen, page)
-
-    def drive_and_look(screen, view):
-        show_drive(screen, view)
-        driver.look_at_drive(screen, view)
-
-    def enter_and_look(screen, world):
-        driver.ball_xy_m = world.ball_xy_m
-        enter(screen, world)
-
-    sdl.SdlEvents = sitting.SdlEvents = Events
-    DriveScreen.show_page, DriveScreen.show_drive = page_and_look, drive_and_look
-    DriveScreen.enter = enter_and_look
+    sit_before(driver, sdl, sitting)
     return main(arguments)
 
 

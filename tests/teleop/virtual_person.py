@@ -3,7 +3,7 @@
 ``python virtual_person.py FOLDER PLAN -- ARGUMENTS``: ARGUMENTS go to ``steerlab``; the person
 centres the wheel in countdowns, steers to and fro in drives and at the ball in practice, goes on
 where one may, and does what PLAN says (JSON): ``{"pause": 40, "unplug": 80, "stop": 90, "shots":
-{"countdown": "x.png"}}``, where numbers count display frames of drives. What the wheel did goes to ``FOLDER/moves.json``.
+{"countdown": "x.png"}}``, where numbers count display frames of drives.
 """
 
 import json
@@ -15,6 +15,8 @@ from pathlib import Path
 from threading import Thread
 from time import perf_counter, sleep
 
+from before_screen import sit_before  # pyright: ignore[reportMissingImports]
+
 from steerlab.sim.geometry import bearing_rad
 from steerlab.sim.vehicle import WHEEL_LIMIT
 from steerlab.teleop import loop_check, sitting
@@ -23,7 +25,7 @@ from steerlab.teleop.devices.contract import DeviceError
 from steerlab.teleop.devices.profile_folder import save_profile
 from steerlab.teleop.devices.virtual import VirtualJoystick
 from steerlab.teleop.screen.drive_screen import DriveScreen
-from steerlab.teleop.sdl import SdlEvents, pygame
+from steerlab.teleop.sdl import pygame
 
 NAME = "Logitech G920"
 
@@ -108,23 +110,7 @@ def run(folder: Path, plan: dict, arguments: list[str]) -> int:
     profile = loop_check.virtual_profile(person.wheel).profile
     save_profile(replace(profile, name=NAME))
 
-    class Events(SdlEvents):
-        def __init__(self, *, window: bool) -> None:
-            super().__init__(window=window)
-            person.sit_down()
-
-    show_page, show_drive = DriveScreen.show_page, DriveScreen.show_drive
-
-    def page_and_look(screen, page):
-        show_page(screen, page)
-        person.look_at_page(screen, page)
-
-    def drive_and_look(screen, view):
-        show_drive(screen, view)
-        person.look_at_drive(screen, view)
-
-    sitting.SdlEvents = Events
-    DriveScreen.show_page, DriveScreen.show_drive = page_and_look, drive_and_look
+    sit_before(person, sitting)
     return main(arguments)
 
 

@@ -15,6 +15,7 @@ from threading import Thread
 from time import sleep
 
 import numpy as np
+from before_screen import sit_before  # pyright: ignore[reportMissingImports]
 from teaching.conftest import short_task  # pyright: ignore[reportMissingImports]
 from virtual_person import NAME, Person  # pyright: ignore[reportMissingImports]
 
@@ -26,8 +27,7 @@ from steerlab.teleop import loop_check
 from steerlab.teleop.cli import main
 from steerlab.teleop.devices.contract import Button, DeviceError
 from steerlab.teleop.devices.profile_folder import save_profile
-from steerlab.teleop.screen.drive_screen import DriveScreen
-from steerlab.teleop.sdl import SdlEvents, pygame
+from steerlab.teleop.sdl import pygame
 from steerlab.teleop.teaching import classroom
 from steerlab.teleop.teaching.robot import Robot
 from steerlab.teleop.teaching.window_host import WindowHost
@@ -107,25 +107,9 @@ def run(folder: Path, plan: dict, arguments: list[str]) -> int:
     profile = loop_check.virtual_profile(person.wheel).profile
     save_profile(replace(profile, name=NAME, buttons={Button.TAKE_OVER: TAKE_OVER}))
 
-    class Events(SdlEvents):
-        def __init__(self, *, window: bool) -> None:
-            super().__init__(window=window)
-            person.sit_down()
-
-    show_page, show_drive = DriveScreen.show_page, DriveScreen.show_drive
-
-    def page_and_look(screen, page):
-        show_page(screen, page)
-        person.look_at_page(screen, page)
-
-    def drive_and_look(screen, view):
-        show_drive(screen, view)
-        person.look_at_drive(screen, view)
-
-    classroom.SdlEvents = Events
+    sit_before(person, classroom)
     if plan.get("short"):
         classroom.make_task = short_task
-    DriveScreen.show_page, DriveScreen.show_drive = page_and_look, drive_and_look
     hosts, robots = _kept(WindowHost), _kept(Robot)
     code = main(arguments)
     decided = [ns for robot in robots for ns in robot.decision_ns] or [0]
