@@ -4,9 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import rankdata, wilcoxon
 
 from steerlab.analysis.json_reader import InvalidSummary
+from steerlab.analysis.statistics.bootstrap import percentile_interval, resample_counts
+from steerlab.analysis.statistics.corrections import holm
+from steerlab.analysis.statistics.outcome import NotComputable, too_few
+from steerlab.analysis.statistics.paired import wilcoxon
 from steerlab.sim.rollout import FloatArray
 
 SCHEMA = 1
@@ -78,16 +81,19 @@ def compare(tables: Mapping[str, Mapping[str, FloatArray]], *, seed: int) -> lis
 
     ``better`` and ``worse`` count teachers for whom a is better or worse than b, ``effect`` is the
     matched-pairs rank-biserial correlation (positive: a is better), ``ci95`` the bootstrap interval
-    of the mean of a - b over teachers. Nothing is tested with fewer than two teachers.
+    of the mean of a - b over teachers. Wilcoxon's test needs four teachers; with fewer nothing is
+    tested.
     """
     tests: list[dict[str, Any]] = []
     for metric in METRICS:
         for first, second in pairs_of(list(tables)):
-            difference = tables[first][metric] - tables[second][metric]
-            if len(difference) < 2:
+            one, other = tables[first][metric], tables[second][metric]
+            if too_few(len(one)):
                 continue
-            gain = -difference if metric in LOWER_IS_BETTER else difference
-            rng = np.random.default_rng([seed, 0xB007])
+            found = wilcoxon(one, other)
+            better = -1.0 if metric in LOWER_IS_BETTER else 1.0
+            gain = better * (one - other)
+            same = isinstance(found, NotComputable)  # for every teacher
             tests.append(
                 {
                     "a": first,
@@ -95,14 +101,15 @@ def compare(tables: Mapping[str, Mapping[str, FloatArray]], *, seed: int) -> lis
                     "metric": metric,
                     "better": int((gain > 0).sum()),
                     "worse": int((gain < 0).sum()),
-                    "p": _p_value(gain),
+                    "p": 1.0 if same else found.p,
                     "p_holm": 1.0,
-                    "effect": rank_biserial(gain),
-                    "ci95": _interval(difference, rng),
+                    "effect": 0.0 if same else round(better * found.rank_biserial, _DIGITS),
+                    "ci95": _interval(one - other, np.random.default_rng([seed, 0xB007])),
                 }
             )
-    for test, adjusted in zip(tests, holm([test["p"] for test in tests]), strict=True):
-        test["p_holm"] = round(adjusted, _DIGITS)
+    adjusted = holm(np.array([test["p"] for test in tests])) if tests else []
+    for test, p_holm in zip(tests, adjusted, strict=True):
+        test["p_holm"] = round(float(p_holm), _DIGITS)
         test["p"] = round(test["p"], _DIGITS)
     return tests
 
@@ -112,25 +119,6 @@ def pairs_of(names: Sequence[str]) -> list[tuple[str, str]]:
     pairs = [("mind-meld", other) for other in names if other != "mind-meld"]
     pairs += [(other, "dagger") for other in names if other not in ("dagger", "mind-meld")]
     return [(first, second) for first, second in pairs if first in names and second in names]
-
-
-def holm(p_values: Sequence[float]) -> list[float]:
-    """Adjusted p values (Holm, Scandinavian Journal of Statistics 1979), in the order given."""
-    order = np.argsort(p_values, kind="stable")
-    adjusted, floor = [0.0] * len(p_values), 0.0
-    for rank, index in enumerate(order):
-        floor = max(floor, min(1.0, (len(p_values) - rank) * p_values[index]))
-        adjusted[index] = floor
-    return adjusted
-
-
-def rank_biserial(gain: FloatArray) -> float:
-    """Share of rank sums for a minus that against it (Kerby 2014), -1 to 1; 0 if nobody differs."""
-    apart = gain[gain != 0.0]
-    if not len(apart):
-        return 0.0
-    ranks = rankdata(np.abs(apart))
-    return round(float((ranks * np.sign(apart)).sum() / ranks.sum()), _DIGITS)
 
 
 def shown_shard(shards: Sequence[Shard]) -> Shard:
@@ -228,13 +216,6 @@ def _mean(values: FloatArray) -> float | None:
 
 
 def _interval(values: FloatArray, rng: np.random.Generator) -> list[float]:
-    drawn = rng.integers(len(values), size=(_RESAMPLES, len(values)))
-    return np.round(np.quantile(values[drawn].mean(axis=1), (0.025, 0.975)), _DIGITS).tolist()
-
-
-def _p_value(gain: FloatArray) -> float:
-    """Wilcoxon's signed-rank test, two-sided; 1 where no teacher differs."""
-    if not gain.any():
-        return 1.0
-    result: Any = wilcoxon(gain)
-    return float(result.pvalue)
+    means = resample_counts(len(values), _RESAMPLES, rng) @ values / len(values)
+    found = percentile_interval(means, 0.95)
+    return [round(found.low, _DIGITS), round(found.high, _DIGITS)]

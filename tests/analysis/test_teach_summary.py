@@ -18,10 +18,8 @@ from steerlab.analysis.teach_report import (
 )
 from steerlab.analysis.teach_summary import (
     compare,
-    holm,
     pairs_of,
     person_points,
-    rank_biserial,
     summarise,
     table_lines,
 )
@@ -92,6 +90,12 @@ def shards() -> list[dict]:
     ]
 
 
+@pytest.fixture
+def four(shards) -> list[dict]:
+    """As few as can be tested."""
+    return [*shards, _shard("d", (0.1, 0.3), (0.9, 0.9))]
+
+
 def _summary(shards) -> dict:
     return summarise(shards, run=RUN, versions={"steerlab": "1"}, seconds={"this_call": 1.0})
 
@@ -107,30 +111,31 @@ def test_learner_seeds_are_averaged_before_teachers(shards):
     assert found["dagger"]["by_round"][1]["success"] is None
 
 
-def test_the_schema_is_what_was_promised(shards):
-    summary = _summary(shards)
+def test_the_schema_is_what_was_promised(four):
+    summary = _summary(four)
     assert {"schema", "verb", "task", "rounds", "teachers", "conditions", "tests"} <= set(summary)
-    assert (summary["schema"], summary["verb"], summary["teachers"]) == (1, "teach", 3)
+    assert (summary["schema"], summary["verb"], summary["teachers"]) == (1, "teach", 4)
     assert set(summary["conditions"]["dagger"]) == {
         "success", "final_distance_m", "mean_distance_m", "collisions", "label_mae",
         "labels_asked", "teacher_seconds", "switches", "by_round",
     }  # fmt: skip
+    assert len(summary["tests"]) == 2
     for test in summary["tests"]:
         assert set(test) == {
             "a", "b", "metric", "better", "worse", "p", "p_holm", "effect", "ci95",
         }  # fmt: skip
 
 
-def test_tests_are_paired_over_teachers(shards):
-    tests = {test["metric"]: test for test in _summary(shards)["tests"]}
+def test_tests_are_paired_over_teachers(four):
+    tests = {test["metric"]: test for test in _summary(four)["tests"]}
     assert set(tests) == {"final_distance_m", "success"}
     success = tests["success"]
     assert (success["a"], success["b"]) == ("mind-meld", "dagger")
-    assert (success["better"], success["worse"]) == (2, 0)
+    assert (success["better"], success["worse"]) == (3, 0)
     low, high = success["ci95"]
-    assert low <= np.mean([0.6, 0.4, 0.0]) <= high
+    assert low <= np.mean([0.6, 0.4, 0.0, 0.7]) <= high
     assert tests["final_distance_m"]["ci95"][1] <= 0.0  # nearer is better, and is counted so
-    assert tests["final_distance_m"]["better"] == 2
+    assert tests["final_distance_m"]["better"] == 3
 
 
 def test_p_is_wilcoxons_and_holm_covers_the_table():
@@ -149,15 +154,21 @@ def test_p_is_wilcoxons_and_holm_covers_the_table():
     assert all(test["p"] == 1.0 for test in tests if test["metric"] == "success")
 
 
-def test_holm_by_hand():
-    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
-    assert holm([]) == []
-    assert holm([0.9, 0.8]) == [1.0, 1.0]
-
-
-def test_rank_biserial_by_hand():
-    assert rank_biserial(np.array([3.0, 2.0, -1.0])) == pytest.approx((3 + 2 - 1) / 6, abs=1e-6)
-    assert rank_biserial(np.zeros(4)) == 0.0
+def test_effect_and_correction_by_hand():
+    gains = {"mind-meld": [3.0, 2.0, -1.0, 0.0], "bc": [4.0, 3.0, 2.0, 1.0]}
+    tables = {
+        name: {"success": np.array(gain), "final_distance_m": np.zeros(4)}
+        for name, gain in (gains | {"dagger": [0.0] * 4}).items()
+    }
+    tests = {
+        (test["a"], test["b"]): test
+        for test in compare(tables, seed=0)
+        if test["metric"] == "success"
+    }
+    assert tests["mind-meld", "dagger"]["effect"] == pytest.approx((3 + 2 - 1) / 6, abs=1e-6)
+    assert tests["bc", "dagger"]["effect"] == 1.0
+    smallest = min(test["p"] for test in tests.values())
+    assert min(test["p_holm"] for test in tests.values()) == pytest.approx(min(1.0, 6 * smallest))
 
 
 def test_no_pair_is_tested_twice():
@@ -165,8 +176,9 @@ def test_no_pair_is_tested_twice():
     assert len({frozenset(pair) for pair in pairs}) == len(pairs) == 7
 
 
-def test_one_teacher_tests_nothing(shards):
-    assert _summary(shards[:1])["tests"] == []
+def test_too_few_teachers_test_nothing(shards):
+    for count in (1, 2, 3):
+        assert _summary(shards[:count])["tests"] == []
 
 
 def test_whoever_was_left_out_is_named_and_not_counted(shards):
@@ -222,15 +234,15 @@ def test_the_page_has_every_number_and_no_reference_outside(shards):
     assert "3 teachers, scripted, taught every learner 2 times" in page
 
 
-def test_the_page_says_what_is_established_and_what_is_not(shards):
-    summary = _summary(shards)
+def test_the_page_says_what_is_established_and_what_is_not(shards, four):
+    summary = _summary(four)
     assert "does not establish a difference" in verdict(summary)
-    assert "better for 2, worse for 0" in verdict(summary)
+    assert "better for 3, worse for 0" in verdict(summary)
     for test in summary["tests"]:
         test["p_holm"] = 0.002
     assert verdict(summary).endswith("p = .002 after Holm’s correction.")
     assert verdict(_summary(shards[:1])) == ""
-    assert "73\u202f% of drives with MIND MELD’s labels" in headline(summary)
+    assert "73\u202f% of drives with MIND MELD’s labels" in headline(_summary(shards))
     one = summary | {"conditions": {"eil": {"success": 0.5}, "shiv": {"success": 0.75}}}
     assert "SHIV reached the ball most: 75" in headline(one)
 
