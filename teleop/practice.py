@@ -55,6 +55,12 @@ class PracticeResult:
     stopped: bool
 
 
+def practice_world(config: PracticeConfig, number: int) -> WorldSpec:
+    """Where the ``number``-th ball lies, from 0."""
+    rng = np.random.default_rng((config.seed, number))
+    return generate_world(f"practice-{number}", rng, WorldConfig(blocks=(4, 9)))
+
+
 class Practice:
     """Drives after drives until enough balls were reached, or the person stops.
 
@@ -86,8 +92,7 @@ class Practice:
         """Practise."""
         number = 0
         while self._balls < self._config.balls:
-            rng = np.random.default_rng((self._config.seed, number))
-            world = generate_world(f"practice-{number}", rng, WorldConfig(blocks=(4, 9)))
+            world = practice_world(self._config, number)
             with _drive_in(world, self._config) as drive:
                 self._screen.enter(world)
                 if not self._until_reached(drive):
@@ -118,7 +123,7 @@ class Practice:
                     participant="practice",
                     order=0,
                     clock=self._clock,
-                    sink=_Nowhere(),
+                    sink=Nowhere(),
                     watch=self._watch,
                     show=lambda fraction: self._show(drive, fraction),
                     now_ns=self._now_ns,
@@ -173,7 +178,7 @@ def _has_pedals(sample: DeviceSample) -> bool:
     return sample.throttle is not None and sample.brake is not None
 
 
-class _Nowhere:
+class Nowhere:
     """Practice is not recorded."""
 
     def step(self, step: LabelledStep, timing: StepTiming | None) -> None:

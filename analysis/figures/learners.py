@@ -48,8 +48,9 @@ def learner_name(key: str) -> str:
 
 def learner_looks(names: Sequence[str]) -> dict[str, Look]:
     """A look for each, in order; the well-known keep theirs whatever stands beside them."""
-    others = [name for name in names if name not in _COLOURS]
-    looks = {name: Look(_COLOURS[name], "-") for name in names if name in _COLOURS}
+    known = {name: _COLOURS.get(name.replace("_", "-")) for name in names}
+    looks = {name: Look(colour, "-") for name, colour in known.items() if colour}
+    others = [name for name in names if name not in looks]
     for row, name in enumerate(others):
         line = _DASHES[row // len(_OTHERS) % len(_DASHES)]
         looks[name] = Look(_OTHERS[row % len(_OTHERS)], line)

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from steerlab.analysis.figures.learners import learner_name
+from steerlab.analysis.figures.learners import learner_looks, learner_name
 from steerlab.analysis.figures.look import (
     BLUE,
     INK,
@@ -18,7 +18,6 @@ from steerlab.analysis.figures.look import (
     SEEN_MARKER,
     SMALL_PT,
     TEXT_PT,
-    VERMILLION,
     new_figure,
     quiet,
 )
@@ -26,14 +25,6 @@ from steerlab.analysis.figures.placement import FloatArray
 from steerlab.sim.errors import InvalidConfig
 
 _MARKERS = {"training": (SEEN_MARKER, PAPER), "test": (NEW_MARKER, BLUE)}
-_KNOWN = {
-    "mind_meld": BLUE,
-    "mind-meld": BLUE,
-    "oracle": VERMILLION,
-    "dagger": INK,
-    "bc": "#E69F00",
-}
-_OTHERS = ("#CC79A7", "#56B4E9", "#009E73", "#8C6D31", "#7B61A8")
 METRIC_WORDS = {
     "success": "drives that reach the ball",
     "final_distance_m": "final distance (m)",
@@ -125,8 +116,7 @@ def learning_curves_figure(metrics: Mapping[str, Mapping[str, Any]]) -> Figure:
     figure = new_figure(8.6, 3.6 if len(shown) > 1 else 4.2)
     panels: Sequence[Axes] = np.atleast_1d(figure.subplots(1, len(shown))).tolist()
     names = list(dict.fromkeys(name for metric in shown for name in metrics[metric]["curves"]))
-    others = iter(_OTHERS * (1 + len(names) // len(_OTHERS)))
-    colours = {name: _KNOWN.get(name) or next(others) for name in names}
+    looks = learner_looks(names)
     for axes, metric in zip(panels, shown, strict=True):
         quiet(axes, grid="y")
         for name, curve in metrics[metric]["curves"].items():
@@ -134,7 +124,8 @@ def learning_curves_figure(metrics: Mapping[str, Mapping[str, Any]]) -> Figure:
             axes.plot(
                 rounds,
                 [one["mean"] for one in curve],
-                color=colours[name],
+                color=looks[name].colour,
+                linestyle=looks[name].line,
                 linewidth=1.6,
                 marker=SEEN_MARKER,
                 markersize=3,
@@ -144,7 +135,7 @@ def learning_curves_figure(metrics: Mapping[str, Mapping[str, Any]]) -> Figure:
             if known:
                 low, high = np.array([one["ci95"] for one in known]).T
                 at = [one["round"] for one in known]
-                axes.fill_between(at, low, high, color=colours[name], alpha=0.1, linewidth=0)
+                axes.fill_between(at, low, high, color=looks[name].colour, alpha=0.1, linewidth=0)
         axes.set_title(METRIC_WORDS.get(metric, metric), size=TEXT_PT, color=INK, loc="left")
         axes.set_xlabel("round")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -1,20 +1,15 @@
 """The practice drive of a scripted participant: headless, in the worlds that people practise in."""
 
-import numpy as np
-
 from steerlab.sim.engine.driving import Driving, DrivingConfig
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.geometry import bearing_rad
-from steerlab.sim.records import LabelledStep
 from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.sim.world_generator import WorldConfig, generate_world
 from steerlab.teleop.devices.contract import DeviceInfo, DeviceSample, InputKind
 from steerlab.teleop.drives.live import LiveDrive
 from steerlab.teleop.drives.who_drives import PersonDrives
 from steerlab.teleop.loop import NullClock, run_drive
-from steerlab.teleop.practice import PracticeConfig, PracticeResult
-from steerlab.teleop.timing import StepTiming
+from steerlab.teleop.practice import Nowhere, PracticeConfig, PracticeResult, practice_world
 
 STEER_PER_RAD = 4.0  # wheel for each radian between the car's heading and the ball
 THROTTLE = 0.6
@@ -32,8 +27,7 @@ def practise_scripted(config: PracticeConfig) -> PracticeResult:
     """
     balls = crashes = 0
     for number in range(MOST_DRIVES * config.balls):
-        rng = np.random.default_rng((config.seed, number))  # the worlds of ``Practice``
-        world = generate_world(f"practice-{number}", rng, WorldConfig(blocks=(4, 9)))
+        world = practice_world(config, number)
         with Driving(world, config=DrivingConfig(time_limit_s=config.time_limit_s)) as driving:
             who = PersonDrives(pedals=config.pedals)
             drive = LiveDrive(world.name, driving, lambda state: 0.0, who)
@@ -43,7 +37,7 @@ def practise_scripted(config: PracticeConfig) -> PracticeResult:
                 participant="practice",
                 order=0,
                 clock=NullClock(),
-                sink=_Nowhere(),
+                sink=Nowhere(),
             )
             balls += drive.outcome is Outcome.BALL_REACHED
             crashes += drive.outcome is Outcome.BLOCK_HIT
@@ -78,10 +72,3 @@ class _AtTheBall:
 
     def disconnect(self) -> None:
         """Nothing to close."""
-
-
-class _Nowhere:
-    """Practice is not recorded."""
-
-    def step(self, step: LabelledStep, timing: StepTiming | None) -> None:
-        """Forget it."""

@@ -45,13 +45,30 @@ def say_where(out: Path) -> None:
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """A progress bar on stderr for people; nothing where stderr is no terminal."""
+def progress_bar(*, time_left: bool = False) -> Iterator[Callable[[str, float], None]]:
+    """A progress bar on stderr for people; nothing where stderr is no terminal.
+
+    Args:
+        time_left: also say how long it will take, for what takes minutes to hours.
+    """
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        ProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn())
+    columns: list[ProgressColumn] = [
+        TextColumn("{task.description:<28}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+    ]
+    if time_left:
+        columns += [TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=False)]
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
         tasks: dict[str, Any] = {}
 

@@ -1,15 +1,13 @@
 """The verb ``teach``: interactive learners side by side."""
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any, Literal
 
 import tyro
 
-from steerlab.teleop.verbs.common import Force, Json, Out, Seed, print_json, say_where
+from steerlab.teleop.verbs.common import Force, Json, Out, Seed, print_json, progress_bar, say_where
 
 Noise = Annotated[
     float, tyro.conf.arg(help="Wheel noise: standard deviation, wheel units of ±2.5.")
@@ -82,7 +80,7 @@ def teach(
         given["mapper"] = quote(str(mapper))
     command = command_line("teach", given, out)
     try:
-        with _progress_bar() as progress:
+        with progress_bar(time_left=True) as progress:
             summary = run(
                 config, out, command=command, progress=progress, jobs=jobs, mapper=mapper,
                 force=force,
@@ -103,34 +101,3 @@ def teach(
         print(line)
     say_where(out)
     return 0
-
-
-@contextmanager
-def _progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """As elsewhere, with the time that is left: this verb takes minutes to hours."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description:<24}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(elapsed_when_finished=False),
-    )
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        tasks: dict[str, Any] = {}
-
-        def show(what: str, share: float) -> None:
-            if what not in tasks:
-                tasks[what] = bar.add_task(what, total=1.0)
-            bar.update(tasks[what], completed=share)
-
-        yield show
