@@ -31,12 +31,12 @@ from steerlab.teleop.screen.contract import DriveView
 from steerlab.teleop.screen.drive_screen import DriveScreen, open_screen
 from steerlab.teleop.sdl import SdlEvents
 from steerlab.teleop.teaching.conditions import TAUGHT
-from steerlab.teleop.teaching.learning import train, warm_up
+from steerlab.teleop.teaching.learning import warm_up
 from steerlab.teleop.teaching.lesson import Lesson, make_lesson
 from steerlab.teleop.teaching.scripted_hand import ScriptedHand
 from steerlab.teleop.timing import StepTiming
 
-ROUNDS, STEPS = 12, 150
+ROUNDS = 12
 REST_LIMIT_S = 3.0
 STEP_MS = 50.0
 
@@ -63,9 +63,9 @@ def resting() -> list[Row]:
     found: list[Row] = []
     for members, doubts in ((1, "none"), (1, "novelty"), (3, "spread")):
         learner = PolicyLearner(0, members=members, doubts=doubts)
-        train(learner, rows[:2], STEPS, lambda share: None)
+        learner.train(rows[:2])
         began = perf_counter()
-        train(learner, rows, STEPS, lambda share: None)
+        learner.train(rows)
         what = f"learning after round {ROUNDS}, {members} policies, doubt {doubts}"
         found.append(at_most(what, perf_counter() - began, REST_LIMIT_S, "s"))
     return found

@@ -1,7 +1,8 @@
 """The learners' policy: a small network from what the car's camera sees to a wheel position.
 
 The state is the paper's: image, velocity and acceleration in the car's own frame. Neither pose (it
-memorises one world) nor the wheel itself (it confuses causes) is an input.
+memorises one world) nor the wheel itself (it confuses causes) is an input. The module holds the weights
+and says what is computed; ``policy_inference`` and ``policy_training`` compute it faster.
 """
 
 import json
@@ -18,8 +19,6 @@ from torch import Tensor, nn
 from steerlab.learning.errors import InvalidCheckpoint, InvalidLabels
 from steerlab.learning.tensor_file import read_tensors
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray
-from steerlab.sim.vehicle import WHEEL_LIMIT
 
 Frames = NDArray[np.uint8]
 Inputs = Literal["image+state", "image", "state"]
@@ -27,8 +26,9 @@ IMAGE_SHAPE = (3, 16, 32)
 MOTION_SIZE = 5
 CAMERA_PX = 64
 _ROWS = slice(16, 48)  # the horizon lies in between; above is sky, below the bonnet's ground
-_MOTION_CENTRE = (5.0, 0.0, 0.0, 0.0, 0.0)  # m/s, m/s, rad/s, m/s², m/s²
-_MOTION_SCALE = (1.0, 0.3, 0.5, 1.0, 2.0)
+MOTION_CENTRE = (5.0, 0.0, 0.0, 0.0, 0.0)  # m/s, m/s, rad/s, m/s², m/s²
+MOTION_SCALE = (1.0, 0.3, 0.5, 1.0, 2.0)
+TILE = 8  # channels come in multiples of it: so many outputs are computed together
 FORMAT, FORMAT_VERSION = "steerlab-policy", 1
 
 
@@ -79,7 +79,11 @@ def pool_frame(frame: Frames) -> Frames:
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyConfig:
-    """Size of the network, and what it may see; the others are ablations."""
+    """Size of the network, and what it may see; the others are ablations.
+
+    Attributes:
+        channels: of the three convolutions; multiples of 8, as ``hidden``.
+    """
 
     inputs: Inputs = "image+state"
     channels: tuple[int, int, int] = (16, 32, 32)
@@ -89,6 +93,12 @@ class PolicyConfig:
         if self.inputs not in get_args(Inputs):
             raise InvalidConfig(
                 f"inputs is {self.inputs!r}; choose one of {', '.join(get_args(Inputs))}."
+            )
+        sizes = (*self.channels, self.hidden)
+        if len(sizes) != 4 or any(size < TILE or size % TILE for size in sizes):
+            raise InvalidConfig(
+                f"channels {self.channels} and hidden {self.hidden}: give three and one, multiples "
+                f"of {TILE}."
             )
 
 
@@ -121,33 +131,26 @@ class PolicyNetwork(nn.Module):
         with torch.no_grad():
             self.wheel.weight.mul_(0.1)  # begins near straight on
 
+    def used(self) -> list[nn.Parameter]:
+        """The parameters that count, in the order of ``policy_kernels.network.Weights``."""
+        parts: list[nn.Module] = [self.hidden, self.wheel]
+        if self.config.inputs != "state":
+            parts = [*self.image, *parts]
+        return [one for part in parts for one in (part._parameters.values()) if one is not None]
+
     def features(self, image: Tensor, motion: Tensor) -> Tensor:
         """(rows, 3, 16, 32) uint8 and (rows, 5) -> (rows, hidden)."""
         parts: list[Tensor] = []
         if self.config.inputs != "state":
             parts.append(self.image(image.float().mul_(1.0 / 127.5).sub_(1.0)))
         if self.config.inputs != "image":
-            centre, scale = torch.tensor(_MOTION_CENTRE), torch.tensor(_MOTION_SCALE)
+            centre, scale = torch.tensor(MOTION_CENTRE), torch.tensor(MOTION_SCALE)
             parts.append((motion - centre) / scale)
         return torch.relu(self.hidden(torch.cat(parts, dim=1)))
 
     def forward(self, image: Tensor, motion: Tensor) -> Tensor:
         """(rows,) wheel positions, not clipped."""
         return self.wheel(self.features(image, motion)).squeeze(1)
-
-
-def decide(network: PolicyNetwork, seen: Observations) -> FloatArray:
-    """Wheel positions (rows,) within ±``WHEEL_LIMIT``."""
-    with torch.inference_mode():
-        wheel = network(torch.from_numpy(seen.image), torch.from_numpy(seen.motion))
-    return np.clip(wheel.double().numpy(), -WHEEL_LIMIT, WHEEL_LIMIT)
-
-
-def features_of(network: PolicyNetwork, seen: Observations) -> FloatArray:
-    """The last hidden layer, (rows, hidden)."""
-    with torch.inference_mode():
-        hidden = network.features(torch.from_numpy(seen.image), torch.from_numpy(seen.motion))
-    return hidden.double().numpy()
 
 
 def save_policy(network: PolicyNetwork, path: Path) -> None:

@@ -1,17 +1,29 @@
 """Training a policy between two rounds: a fixed number of steps from the weights it has."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, isfinite, pi
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch.nn.utils import parameters_to_vector, vector_to_parameters
 
+from steerlab.learning.adam import Adam
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.policy import Observations, PolicyNetwork
+from steerlab.learning.policy_kernels.gradient import ByValues, Rows, batch_gradient
+from steerlab.learning.policy_kernels.network import room_for, sizes_of
+from steerlab.learning.policy_kernels.products import LANES
 from steerlab.learning.training import torch_threads
 from steerlab.sim.errors import InvalidConfig, SteerlabError
 from steerlab.sim.rollout import FloatArray
+
+Progress = Callable[[float], None]
+
+
+def nobody(share: float) -> None:
+    """Nobody is told how far it is."""
 
 
 class TrainingDiverged(SteerlabError, ArithmeticError):
@@ -65,39 +77,55 @@ def train_policy(
     rows: TrainingRows,
     rng: np.random.Generator,
     config: PolicyTrainingConfig,
+    progress: Progress = nobody,
 ) -> float:
     """Take ``config.steps`` steps of Adam on the weighted mean squared error.
+
+    What is learnt does not depend on the processor.
+
+    Args:
+        progress: told the share that is done after each step; what it raises ends the training and
+            leaves the network as it was.
 
     Returns:
         the mean loss of the last tenth of the steps.
 
     Raises:
-        TrainingDiverged: the loss is not finite; the network is then of no use.
+        TrainingDiverged: the loss is not finite; the network is then as it was.
     """
-    image, motion = torch.from_numpy(rows.seen.image), torch.from_numpy(rows.seen.motion)
-    target = torch.from_numpy(rows.target.astype(np.float32))
-    weight = torch.from_numpy(rows.weight.astype(np.float32))
-    optimiser = torch.optim.Adam(network.parameters(), lr=config.rate, fused=True)
-    chosen = _batches(len(rows.target), rng, config)
-    last: list[float] = []
-    with torch_threads(1):  # two threads give other bits, and so another policy
-        for step in range(config.steps):
-            batch = torch.from_numpy(chosen[step])
-            for group in optimiser.param_groups:  # a scheduler object costs as much as the step
-                group["lr"] = config.rate * 0.5 * (1.0 + cos(pi * step / config.steps))
-            error = network(image[batch], motion[batch]) - target[batch]
-            loss = (weight[batch] * error.square()).mean()
-            if step >= 0.9 * config.steps or step % 25 == 0:
-                last.append(float(loss.detach()))
-                if not isfinite(last[-1]):
-                    raise TrainingDiverged(
-                        f"The policy's loss is {last[-1]} at step {step} of {config.steps}; lower "
-                        f"the rate ({config.rate:g}) or look at the labels."
-                    )
-            optimiser.zero_grad(set_to_none=True)
-            loss.backward()
-            optimiser.step()
-    return float(np.mean(last[-max(1, config.steps // 10) :]))
+    sizes = sizes_of(network.config)
+    blocks = -(-config.batch_size // LANES)
+    values, by = room_for(sizes, blocks), ByValues.of(sizes, blocks)
+    learnt_from = Rows(
+        np.ascontiguousarray(rows.seen.image).reshape(len(rows.target), -1),
+        np.ascontiguousarray(rows.seen.motion, np.float32),
+        rows.target.astype(np.float32),
+        rows.weight.astype(np.float32),
+    )
+    losses = np.empty(config.steps)
+    with torch_threads(1), torch.no_grad():
+        vector = parameters_to_vector(network.used())
+        gradient = torch.empty_like(vector)
+        optimiser = Adam({vector: config.rate})
+        for step, chosen in enumerate(_batches(len(rows.target), rng, config)):
+            loss = batch_gradient(
+                sizes, vector.numpy(), learnt_from, chosen, values, by, gradient.numpy()
+            )
+            if not isfinite(loss):
+                raise TrainingDiverged(
+                    f"The policy's loss is {loss} at step {step} of {config.steps}; lower the rate "
+                    f"({config.rate:g}) or look at the labels."
+                )
+            losses[step] = loss
+            optimiser.step({vector: gradient}, 0.5 * (1.0 + cos(pi * step / config.steps)))
+            progress((step + 1) / config.steps)
+        if not torch.isfinite(vector).all():
+            raise TrainingDiverged(
+                f"A weight of the policy is not finite after {config.steps} steps; lower the rate "
+                f"({config.rate:g}) or look at the labels."
+            )
+        vector_to_parameters(vector, network.used())
+    return float(losses[-max(1, config.steps // 10) :].mean())
 
 
 def _batches(

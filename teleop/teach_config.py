@@ -109,7 +109,7 @@ class TeachConfig:
         return make_task(self.task, noise=self.noise, speed_mps=self.speed_mps)
 
     def identity(self) -> dict[str, Any]:
-        """What must be equal for a run to be continued; teachers and learners may be added."""
+        """What must be equal to continue a run; teachers, learners and their seeds may be added."""
         values = asdict(self)
-        del values["teachers"], values["learners"]
+        del values["teachers"], values["learners"], values["learner_seeds"]
         return values

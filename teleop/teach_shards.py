@@ -19,7 +19,7 @@ from steerlab.sim.rollout import Outcome
 from steerlab.sim.world import REACH_M
 from steerlab.teleop.output_folder import OutputError
 
-SHARD_SCHEMA = 1
+SHARD_SCHEMA = 2  # 2: by learner seed, so that seeds can be added
 SHOWN_FRAMES = 6
 _PATH_EVERY = 10  # control steps between the points of a drawn path
 _DIGITS = 4
@@ -77,6 +77,11 @@ def keep_policies(networks: Sequence[PolicyNetwork], folder: Path, learner: str)
         file = folder / f"{learner.replace(':', '-')}-{member}.safetensors"
         with keeping(file) as fresh:
             save_policy(network, fresh)
+
+
+def shard_path(folder: Path, teacher: str) -> Path:
+    """Where a teacher's results are kept."""
+    return folder / "teachers" / f"{teacher}.json"
 
 
 def read_shard(path: Path) -> dict[str, Any]:
@@ -151,11 +156,40 @@ def shown_frames(stage: Stage, episode: Episode) -> list[str]:
     return frames
 
 
-def missing_learners(shard: Mapping[str, Any], learners: Sequence[str]) -> list[str]:
-    """Learners that this teacher has still to teach; none if the teacher was left out."""
-    if shard["left_out"]:
+def missing(shard: Mapping[str, Any], learners: Sequence[str], seeds: int) -> list[tuple[str, int]]:
+    """Learners and seeds that this teacher has still to teach; none if the teacher is left out."""
+    if why_left_out(shard, learners, seeds):
         return []
-    return [name for name in learners if name not in shard["conditions"]]
+    return [
+        (name, seed)
+        for name in learners
+        for seed in range(seeds)
+        if str(seed) not in shard["conditions"].get(name, {})
+    ]
+
+
+def why_left_out(shard: Mapping[str, Any], learners: Sequence[str], seeds: int) -> str | None:
+    """Why a teacher cannot be judged by these; None if they can."""
+    for found in shard["left_out"]:
+        if found["seed"] < seeds and found["learner"] in (None, *learners):
+            return found["why"]
+    return None
+
+
+def part_of(shard: Mapping[str, Any], learners: Sequence[str], seeds: int) -> dict[str, Any]:
+    """What a shard holds of these learners and the first ``seeds``, as summaries read it.
+
+    ``left_out`` is the reason or None, each condition a list by seed; those not taught are missing.
+    """
+    taught = shard["conditions"]
+    whole = [
+        name for name in learners if all(str(seed) in taught.get(name, {}) for seed in range(seeds))
+    ]
+    return {
+        **{key: shard[key] for key in ("schema", "teacher", "style", "quirk")},
+        "left_out": why_left_out(shard, learners, seeds),
+        "conditions": {name: [taught[name][str(seed)] for seed in range(seeds)] for name in whole},
+    }
 
 
 def _rounded(value: float | None) -> float | None:

@@ -1,7 +1,7 @@
-"""One teacher's whole comparison, in one process and on one thread."""
+"""One teacher with one learner, all learner seeds, in one process and on one thread."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,116 +18,106 @@ from steerlab.learning.agents import (
 )
 from steerlab.learning.mapper import LabelMapper
 from steerlab.learning.policy_training import TrainingDiverged
-from steerlab.sim.unusual_teachers import UnusualTeacher
+from steerlab.sim.engine.gl import draw_without_threads
 from steerlab.teleop.teach_config import TeachConfig
 from steerlab.teleop.teach_people import Person
-from steerlab.teleop.teach_shards import (
-    SHARD_SCHEMA,
-    final_drives,
-    keep_policies,
-    missing_learners,
-    read_shard,
-    round_values,
-    shown_frames,
-    write_json,
-)
+from steerlab.teleop.teach_shards import final_drives, keep_policies, round_values, shown_frames
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unit:
+    """A teacher with one learner and learner seed: the least that is kept."""
+
+    teacher: Person
+    learner: str
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Taught:
+    """What came of a unit, in plain values.
+
+    Attributes:
+        failed_demonstrations: before the one that reached the ball; None if none did.
+        result: None where the teacher cannot be judged.
+        left_out: why not.
+    """
+
+    unit: Unit
+    failed_demonstrations: int | None
+    result: dict[str, Any] | None
+    left_out: str | None
 
 
 class Workshop:
-    """A stage and the mappers, kept from teacher to teacher.
+    """A stage and the mappers, kept from unit to unit.
 
     Args:
-        folder: of the run; shards go to ``teachers``, the first seed's policies to ``policies``.
+        folder: of the run; the first learner seed's policies go to its ``policies``.
     """
 
     def __init__(
         self, config: TeachConfig, mappers: Mapping[str, LabelMapper], folder: Path
     ) -> None:
         self._config, self._mappers, self._folder = config, mappers, folder
+        draw_without_threads()  # a frame of 64 pixels is not worth waking any
         self._stage = Stage(config.make_task(), seed=config.seed)
         self._judging: dict[int, Judging] = {}
+        self._teacher = ""  # whose demonstrations are kept, by seed
+        self._shown: dict[int, tuple[Episode, int]] = {}
 
-    def run(self, teacher: Person, progress: Callable[[float], None]) -> None:
-        """Teach whatever learners the teacher's shard lacks, and keep it after each.
+    def run(self, unit: Unit, progress: Callable[[float], None]) -> Taught:
+        """Teach one learner.
 
         A teacher who cannot demonstrate, or whose labels make training diverge, is left out with
         the reason on record: the others' results do not depend on them.
         """
-        path = shard_path(self._folder, teacher.name)
-        shard = read_shard(path) if path.is_file() else self._fresh(teacher)
+        failed = None
         try:
-            self._teach(teacher, shard, progress)
+            demonstration, failed = self._demonstration(unit)
+            result = self._teach(unit, demonstration, progress)
         except (BallNeverReached, TrainingDiverged) as error:
-            shard["left_out"] = str(error)
-            write_json(shard, path, indent=None)
+            return Taught(unit=unit, failed_demonstrations=failed, result=None, left_out=str(error))
+        return Taught(unit=unit, failed_demonstrations=failed, result=result, left_out=None)
 
     def close(self) -> None:
         """Free the stage."""
         self._stage.close()
 
-    def _fresh(self, teacher: Person) -> dict[str, Any]:
-        return {
-            "schema": SHARD_SCHEMA,
-            "teacher": teacher.name,
-            **_describe(teacher),
-            "left_out": None,
-            "failed_demonstrations": [],
-            "conditions": {},
-        }
+    def _demonstration(self, unit: Unit) -> tuple[Episode, int]:
+        """All learners of a teacher and seed begin with the same."""
+        if self._teacher != unit.teacher.name:
+            self._teacher, self._shown = unit.teacher.name, {}
+        if unit.seed not in self._shown:
+            self._shown[unit.seed] = demonstrate(
+                self._stage, unit.teacher, self._config.teaching, seed=unit.seed
+            )
+        return self._shown[unit.seed]
 
     def _teach(
-        self, teacher: Person, shard: dict[str, Any], progress: Callable[[float], None]
-    ) -> None:
-        config, stage = self._config, self._stage
-        seeds = range(config.learner_seeds)
-        shown = [demonstrate(stage, teacher, config.teaching, seed=seed) for seed in seeds]
-        shard["failed_demonstrations"] = [failed for _, failed in shown]
-        names = missing_learners(shard, config.learners)
-        whole = len(names) * len(seeds)
-        for row, name in enumerate(names):
-            taught: list[dict[str, Any]] = []
-            for seed, (demonstration, _) in zip(seeds, shown, strict=True):
-                done = row * len(seeds) + seed
-                taught.append(
-                    self._teach_one(
-                        teacher,
-                        name,
-                        demonstration,
-                        seed,
-                        lambda share, done=done: progress((done + share) / whole),
-                    )
-                )
-            shard["conditions"][name] = taught
-            write_json(shard, shard_path(self._folder, teacher.name), indent=None)
-
-    def _teach_one(
-        self,
-        teacher: Person,
-        name: str,
-        demonstration: Episode,
-        seed: int,
-        progress: Callable[[float], None],
+        self, unit: Unit, demonstration: Episode, progress: Callable[[float], None]
     ) -> dict[str, Any]:
+        first = unit.seed == 0
         try:
             learner, results = teach(
                 self._stage,
-                make_agent(name, self._mappers),
-                teacher,
+                make_agent(unit.learner, self._mappers),
+                unit.teacher,
                 demonstration,
-                self._judge(seed),
+                self._judge(unit.seed),
                 self._config.teaching,
-                seed=seed,
+                seed=unit.seed,
                 progress=progress,
             )
         except TrainingDiverged as error:
-            raise TrainingDiverged(f"{name}, learner seed {seed}: {error}") from error
-        if seed == 0:
-            folder = self._folder / "policies" / teacher.name
-            keep_policies(learner.networks, folder, name)
+            raise TrainingDiverged(f"{unit.learner}, learner seed {unit.seed}: {error}") from error
+        if first:
+            folder = self._folder / "policies" / unit.teacher.name
+            keep_policies(learner.networks, folder, unit.learner)
         return {
             "by_round": [round_values(result) for result in results],
             "final_drives": final_drives(results),
-            "frames": shown_frames(self._stage, results[-1].episode) if seed == 0 else [],
+            "frames": shown_frames(self._stage, results[-1].episode) if first else [],
         }
 
     def _judge(self, seed: int) -> Judging:
@@ -140,11 +130,6 @@ class Workshop:
         return self._judging[seed]
 
 
-def shard_path(folder: Path, teacher: str) -> Path:
-    """Where a teacher's results are kept."""
-    return folder / "teachers" / f"{teacher}.json"
-
-
 _OPEN: list[Workshop] = []  # of this worker process; made once, used for each of its teachers
 
 
@@ -154,13 +139,6 @@ def open_workshop(config: TeachConfig, mappers: Mapping[str, LabelMapper], folde
     _OPEN.append(Workshop(config, mappers, folder))
 
 
-def run_teacher(teacher: Person) -> str:
-    """One teacher in a worker process; the name of whoever is done."""
-    _OPEN[-1].run(teacher, lambda share: None)
-    return teacher.name
-
-
-def _describe(teacher: Person) -> dict[str, Any]:
-    if isinstance(teacher, UnusualTeacher):
-        return {"style": asdict(teacher.scripted.style), "quirk": repr(teacher.quirk)}
-    return {"style": asdict(teacher.style), "quirk": None}
+def run_unit(unit: Unit) -> Taught:
+    """One unit, in a worker process."""
+    return _OPEN[-1].run(unit, lambda share: None)

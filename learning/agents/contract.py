@@ -9,7 +9,7 @@ import numpy as np
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.policy import Observations
-from steerlab.learning.policy_training import TrainingRows
+from steerlab.learning.policy_training import Progress, TrainingRows, nobody
 from steerlab.sim.records import Gate as Driver
 from steerlab.sim.rollout import BoolArray, FloatArray, Outcome, Rollout
 
@@ -32,8 +32,12 @@ class Learner(Protocol):
         """How unsure it is of each row, (rows,); 1 is where it starts to be unsure."""
         ...
 
-    def train(self, episodes: Sequence[TrainingRows]) -> float:
-        """Learn from everything collected so far, one entry an episode; the last mean loss."""
+    def train(self, episodes: Sequence[TrainingRows], progress: Progress = nobody) -> float:
+        """Learn from everything collected so far, one entry an episode; the last mean loss.
+
+        Args:
+            progress: told the share that is done; what it raises ends the training.
+        """
         ...
 
 

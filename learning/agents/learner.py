@@ -12,12 +12,16 @@ from steerlab.learning.policy import (
     Observations,
     PolicyConfig,
     PolicyNetwork,
-    decide,
-    features_of,
     stack,
 )
-from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingRows, train_policy
-from steerlab.learning.training import torch_threads
+from steerlab.learning.policy_inference import decide, features_of
+from steerlab.learning.policy_training import (
+    PolicyTrainingConfig,
+    Progress,
+    TrainingRows,
+    nobody,
+    train_policy,
+)
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.rollout import FloatArray
 
@@ -64,8 +68,7 @@ class PolicyLearner:
 
     def act(self, seen: Observations) -> FloatArray:
         """The members' mean wheel, (rows,)."""
-        with torch_threads(1):
-            return np.mean([decide(network, seen) for network in self.networks], axis=0)
+        return np.mean([decide(network, seen) for network in self.networks], axis=0)
 
     def doubt(self, seen: Observations) -> FloatArray:
         """(rows,); before the first ``train`` everything is doubtful.
@@ -75,16 +78,15 @@ class PolicyLearner:
         """
         if self._doubts == "none":
             raise InvalidConfig("This learner has no doubt; give doubts='novelty' or another.")
-        with torch_threads(1):
-            if self._doubts == "spread":
-                wheels = [decide(network, seen) for network in self.networks]
-                return np.std(wheels, axis=0) / SPREAD_WHEEL
-            judge = self._novelty if self._doubts == "novelty" else self._safety
-            if judge is None:
-                return np.full(len(seen), np.inf)
-            return judge(features_of(self.networks[0], seen))
+        if self._doubts == "spread":
+            wheels = [decide(network, seen) for network in self.networks]
+            return np.std(wheels, axis=0) / SPREAD_WHEEL
+        judge = self._novelty if self._doubts == "novelty" else self._safety
+        if judge is None:
+            return np.full(len(seen), np.inf)
+        return judge(features_of(self.networks[0], seen))
 
-    def train(self, episodes: Sequence[TrainingRows]) -> float:
+    def train(self, episodes: Sequence[TrainingRows], progress: Progress = nobody) -> float:
         """Learn from all episodes, then refit the doubt; the members' last mean loss.
 
         Raises:
@@ -98,17 +100,23 @@ class PolicyLearner:
             np.concatenate([episode.target for episode in episodes]),
             np.concatenate([episode.weight for episode in episodes]),
         )
+        members = len(self.networks)
         losses = [
-            train_policy(network, rows, rng, self._training)
-            for network, rng in zip(self.networks, self._rngs, strict=True)
+            train_policy(
+                network,
+                rows,
+                rng,
+                self._training,
+                lambda share, done=done: progress((done + share) / members),
+            )
+            for done, (network, rng) in enumerate(zip(self.networks, self._rngs, strict=True))
         ]
-        with torch_threads(1):
-            if self._doubts == "novelty":
-                self._novelty = Novelty(
-                    [features_of(self.networks[0], episode.seen) for episode in episodes]
-                )
-            elif self._doubts == "safety":
-                self._safety = SafetyModel(
-                    features_of(self.networks[0], rows.seen), np.concatenate(self._errors)
-                )
+        if self._doubts == "novelty":
+            self._novelty = Novelty(
+                [features_of(self.networks[0], episode.seen) for episode in episodes]
+            )
+        elif self._doubts == "safety":
+            self._safety = SafetyModel(
+                features_of(self.networks[0], rows.seen), np.concatenate(self._errors)
+            )
         return float(np.mean(losses))

@@ -63,14 +63,14 @@ def _dots(typing_context: Any, left: Any, right: Any, length: Any) -> Any:
             pairs = [(one, other) for one in lefts for other in rights]
             for (one, other), total in zip(pairs, sums, strict=True):
                 builder.store(builder.call(fused, [one, other, builder.load(total)]), total)
-        totals = [_sum(builder, builder.load(total)) for total in sums]
+        totals = [add_up(builder, builder.load(total)) for total in sums]
         return context.make_tuple(builder, signature.return_type, totals)
 
     result = types.UniTuple(types.float32, TILE * TILE)
     return result(left, right, types.intp), generate
 
 
-def _sum(builder: Any, vector: Any) -> Any:
+def add_up(builder: Any, vector: Any) -> Any:
     """Of a vector's elements: the second half is added to the first until one is left."""
     while vector.type.count > 1:
         half, integer = vector.type.count // 2, ir.IntType(32)

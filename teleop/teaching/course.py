@@ -20,7 +20,7 @@ from steerlab.teleop.screen.contract import Act
 from steerlab.teleop.teaching.episodes import episode_of, errors, see_again
 from steerlab.teleop.teaching.errors import TeachingError
 from steerlab.teleop.teaching.host import Drove, Host, Tick
-from steerlab.teleop.teaching.learning import learn_again, new_learner, train
+from steerlab.teleop.teaching.learning import learn_again, new_learner
 from steerlab.teleop.teaching.lesson import Lesson, make_lesson
 from steerlab.teleop.teaching.register import Register
 from steerlab.teleop.teaching.subject import Subject
@@ -71,8 +71,7 @@ class Course:
         return self._host.wait(TRYING, self._try_all)
 
     def _learn_again(self, tick: Tick) -> None:
-        steps = self._subject.plan.gradient_steps
-        self._collected = learn_again(self._learner, self._register, self._stage, steps, tick)
+        self._collected = learn_again(self._learner, self._register, self._stage, tick)
 
     def _round(self, number: int) -> bool:
         """Until the round is kept; False to stop."""
@@ -164,9 +163,7 @@ class Course:
         rows = targets.rows(episode.seen)
         loss = None
         if rows is not None:
-            loss = train(
-                learnt.learner, [*self._collected, rows], subject.plan.gradient_steps, tick
-            )
+            loss = learnt.learner.train([*self._collected, rows], tick)
         elif number == 0:
             raise TeachingError(
                 f"The first drive of {self._register.participant} holds no label that can be "

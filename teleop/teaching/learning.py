@@ -1,10 +1,8 @@
-"""Training with progress, and a learner from the policies and rows that are kept."""
+"""A learner of a study's condition: new, from the policies and rows that are kept, and warmed up."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 
 import numpy as np
-from torch.optim.optimizer import register_optimizer_step_post_hook
 
 from steerlab.learning.agents.contract import Agent
 from steerlab.learning.agents.learner import PolicyLearner
@@ -34,21 +32,8 @@ def with_policies(learner: PolicyLearner, networks: Sequence[PolicyNetwork]) -> 
     return learner
 
 
-def train(learner: PolicyLearner, rows: Sequence[TrainingRows], steps: int, tick: Tick) -> float:
-    """Train, and tell ``tick`` how far it is; whatever that raises ends the training.
-
-    Args:
-        steps: of each of the learner's policies.
-
-    Raises:
-        TrainingDiverged: the loss is not finite.
-    """
-    with _counted(steps * len(learner.networks), tick):
-        return learner.train(rows)
-
-
 def learn_again(
-    learner: PolicyLearner, register: Register, stage: Stage, steps: int, tick: Tick
+    learner: PolicyLearner, register: Register, stage: Stage, tick: Tick
 ) -> list[TrainingRows]:
     """Bring a new learner to where the last round that was kept left it.
 
@@ -73,27 +58,10 @@ def learn_again(
             collected.append(
                 TrainingRows(seen.take(kept), targets.target[kept], targets.weight[kept])
             )
-            train(learner, collected, steps, lambda share: None)
+            learner.train(collected)
     if rounds:
         with_policies(learner, register.load(rounds[-1]))
     return collected
-
-
-@contextmanager
-def _counted(steps: int, tick: Tick) -> Iterator[None]:
-    """Count the optimiser's steps; PyTorch calls the hook after each."""
-    done = 0
-
-    def count(*_: object) -> None:
-        nonlocal done
-        done += 1
-        tick(min(1.0, done / steps))
-
-    hook = register_optimizer_step_post_hook(count)
-    try:
-        yield
-    finally:
-        hook.remove()
 
 
 def warm_up(stage: Stage, agent: Agent) -> None:

@@ -6,7 +6,7 @@ from steerlab.learning.agents.evaluation import evaluate
 from steerlab.learning.agents.learner import PolicyLearner
 from steerlab.learning.agents.stage import Stage
 from steerlab.learning.policy import Observations
-from steerlab.learning.policy_training import TrainingRows
+from steerlab.learning.policy_training import Progress, TrainingRows, nobody
 from steerlab.sim.rollout import FloatArray
 from steerlab.sim.store_teaching import Trial
 from steerlab.teleop.teaching.host import Tick
@@ -59,6 +59,6 @@ class _Watched:
         """The learner's doubt."""
         return self._learner.doubt(seen)
 
-    def train(self, episodes: Sequence[TrainingRows]) -> float:
+    def train(self, episodes: Sequence[TrainingRows], progress: Progress = nobody) -> float:
         """As the learner."""
-        return self._learner.train(episodes)
+        return self._learner.train(episodes, progress)

@@ -46,7 +46,7 @@ def test_every_rung_maps_as_each_series_alone(ladder, uneven, monkeypatch, steps
     assert [id(one) for one in given] == [id(one) for one in uneven]
     for name, mapper in ladder.items():
         for one, mapped in zip(uneven, found[name], strict=True):
-            np.testing.assert_allclose(mapped, mapper.map(one), atol=2e-5, err_msg=name)
+            np.testing.assert_allclose(mapped, mapper.map(one), atol=1e-5, err_msg=name)
 
 
 def test_mappers_that_share_a_network_share_its_work(ladder, study, monkeypatch):

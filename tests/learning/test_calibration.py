@@ -107,6 +107,27 @@ def test_a_network_linear_in_w_gives_the_least_squares_solution(trained, study):
         torch.testing.assert_close(along, expected, atol=1e-3, rtol=1e-3)
 
 
+def test_w_solves_the_dense_least_squares_of_the_mapper_linearised_there(trained, study):
+    """In all of its dimensions: Gauss and Newton's step, solved by QR in float64, is none."""
+    windows = make_windows(study.calibrate_new, WindowConfig())
+    tight = CalibrationConfig(tolerance=1e-12, iterations=200)
+    found = calibrate(trained.network, windows, torch.zeros(4), 0.0, tight)
+    network = copy.deepcopy(trained.network).double()
+    encoding = network.encoder(windows.inputs.double())
+    for index in range(len(windows.people)):
+        own = windows.valid & (windows.person == index)
+        w = found.embeddings[index].double()
+
+        def predicted(w, own=own):
+            return network.difference(encoding[own], w.expand(int(own.sum()), -1))
+
+        slope = torch.autograd.functional.jacobian(predicted, w)
+        assert torch.linalg.matrix_rank(slope) == 4
+        left = windows.difference[own].double() - predicted(w)
+        step = torch.linalg.lstsq(slope, left[:, None]).solution[:, 0]
+        torch.testing.assert_close(step, torch.zeros(4).double(), atol=2e-3, rtol=0)
+
+
 def test_the_difference_is_label_minus_truth(study):
     """Sign of Eq. 2: d = a - o, and mapped = a - d."""
     one = study.calibrate_new[0]

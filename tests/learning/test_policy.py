@@ -8,11 +8,11 @@ from steerlab.learning.policy import (
     Observations,
     PolicyConfig,
     PolicyNetwork,
-    decide,
     load_policy,
     pool_frame,
     save_policy,
 )
+from steerlab.learning.policy_inference import decide
 from steerlab.learning.policy_training import (
     PolicyTrainingConfig,
     TrainingDiverged,

@@ -97,7 +97,7 @@ def test_a_recording_for_each_teacher(out):
 
 def test_what_the_page_shows_is_what_the_policy_saw(out):
     shard = read_shard(out / "teachers" / "test-000.json")
-    frames = shard["conditions"]["dagger"][0]["frames"]
+    frames = shard["conditions"]["dagger"]["0"]["frames"]
     with Image.open(BytesIO(b64decode(frames[0]))) as image:
         first = pool_frame(np.asarray(image))
     start = draw_task_start(CONFIG.make_task(), "teach", 0, CONFIG.rounds)
@@ -107,7 +107,7 @@ def test_what_the_page_shows_is_what_the_policy_saw(out):
 
 
 def test_fewer_learners_and_teachers_need_no_new_driving(out, mapper, tmp_path, monkeypatch):
-    def never(self, teacher, progress):
+    def never(self, unit, progress):
         raise AssertionError("nothing was missing")
 
     monkeypatch.setattr(teach_worker.Workshop, "run", never)

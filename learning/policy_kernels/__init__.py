@@ -1,0 +1,1 @@
+"""The policy's forward pass and gradient as compiled kernels that round alike on any processor."""
