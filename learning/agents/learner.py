@@ -14,7 +14,7 @@ from steerlab.learning.policy import (
     PolicyNetwork,
     stack,
 )
-from steerlab.learning.policy_inference import decide, features_of
+from steerlab.learning.policy_inference import Decider
 from steerlab.learning.policy_training import (
     PolicyTrainingConfig,
     Progress,
@@ -61,14 +61,21 @@ class PolicyLearner:
             PolicyNetwork(config, torch.Generator().manual_seed(1000 * seed + member))
             for member in range(members)
         ]
+        self._deciders = [Decider(network) for network in self.networks]
         self._rngs = [np.random.default_rng([seed, member, 0x7EA]) for member in range(members)]
         self._novelty: Novelty | None = None
         self._safety: SafetyModel | None = None
         self._errors: list[FloatArray] = []  # of each episode, by the policy before it learned it
 
+    def load(self, networks: Sequence[PolicyNetwork]) -> None:
+        """Take over other networks' weights; what it doubts by stays as it was."""
+        for mine, other in zip(self.networks, networks, strict=True):
+            mine.load_state_dict(other.state_dict())
+        self._deciders = [Decider(network) for network in self.networks]
+
     def act(self, seen: Observations) -> FloatArray:
         """The members' mean wheel, (rows,)."""
-        return np.mean([decide(network, seen) for network in self.networks], axis=0)
+        return np.mean([decider.wheel(seen) for decider in self._deciders], axis=0)
 
     def doubt(self, seen: Observations) -> FloatArray:
         """(rows,); before the first ``train`` everything is doubtful.
@@ -79,12 +86,12 @@ class PolicyLearner:
         if self._doubts == "none":
             raise InvalidConfig("This learner has no doubt; give doubts='novelty' or another.")
         if self._doubts == "spread":
-            wheels = [decide(network, seen) for network in self.networks]
+            wheels = [decider.wheel(seen) for decider in self._deciders]
             return np.std(wheels, axis=0) / SPREAD_WHEEL
         judge = self._novelty if self._doubts == "novelty" else self._safety
         if judge is None:
             return np.full(len(seen), np.inf)
-        return judge(features_of(self.networks[0], seen))
+        return judge(self._deciders[0].features(seen))
 
     def train(self, episodes: Sequence[TrainingRows], progress: Progress = nobody) -> float:
         """Learn from all episodes, then refit the doubt; the members' last mean loss.
@@ -111,12 +118,13 @@ class PolicyLearner:
             )
             for done, (network, rng) in enumerate(zip(self.networks, self._rngs, strict=True))
         ]
+        self._deciders = [Decider(network) for network in self.networks]
         if self._doubts == "novelty":
             self._novelty = Novelty(
-                [features_of(self.networks[0], episode.seen) for episode in episodes]
+                [self._deciders[0].features(episode.seen) for episode in episodes]
             )
         elif self._doubts == "safety":
             self._safety = SafetyModel(
-                features_of(self.networks[0], rows.seen), np.concatenate(self._errors)
+                self._deciders[0].features(rows.seen), np.concatenate(self._errors)
             )
         return float(np.mean(losses))

@@ -155,6 +155,12 @@ def turned(sizes: Sizes, weights: Weights) -> Weights:
 
 
 @njit(**KERNEL)
+def prepare(sizes: Sizes, vector: Float32Array) -> Weights:
+    """A vector's weights as ``run_policy`` reads them; the rest are views of it."""
+    return turned(sizes, split(vector, sizes))
+
+
+@njit(**KERNEL)
 def read(
     sizes: Sizes,
     images: Frames,
@@ -235,7 +241,7 @@ def _of(values: Float32Array, size: int, block: int) -> Float32Array:
 @njit(**KERNEL)
 def run_policy(
     sizes: Sizes,
-    vector: Float32Array,
+    weights: Weights,
     images: Frames,
     motions: Float32Array,
     values: Values,
@@ -245,8 +251,10 @@ def run_policy(
     """Every observation's wheel, (rows,), and hidden layer, (rows, units); one block at a time.
 
     A row's result does not depend on how many there are, nor on which.
+
+    Args:
+        weights: of ``prepare``.
     """
-    weights = turned(sizes, split(vector, sizes))
     units = sizes.hidden.outs
     for start in range(0, len(wheel), LANES):
         stop = min(start + LANES, len(wheel))

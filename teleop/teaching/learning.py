@@ -1,13 +1,10 @@
 """A learner of a study's condition: new, from the policies and rows that are kept, and warmed up."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from steerlab.learning.agents.contract import Agent
 from steerlab.learning.agents.learner import PolicyLearner
 from steerlab.learning.agents.stage import Stage
-from steerlab.learning.policy import PolicyNetwork
 from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingRows
 from steerlab.teleop.teaching.episodes import see_again
 from steerlab.teleop.teaching.host import Tick
@@ -23,13 +20,6 @@ def new_learner(agent: Agent, plan: TeachPlan, seed: int) -> PolicyLearner:
         doubts=agent.doubts,
         training=PolicyTrainingConfig(steps=plan.gradient_steps, rate=plan.rate),
     )
-
-
-def with_policies(learner: PolicyLearner, networks: Sequence[PolicyNetwork]) -> PolicyLearner:
-    """The learner, its weights replaced."""
-    for mine, kept in zip(learner.networks, networks, strict=True):
-        mine.load_state_dict(kept.state_dict())
-    return learner
 
 
 def learn_again(
@@ -60,7 +50,7 @@ def learn_again(
             )
             learner.train(collected)
     if rounds:
-        with_policies(learner, register.load(rounds[-1]))
+        learner.load(register.load(rounds[-1]))
     return collected
 
 

@@ -10,7 +10,7 @@ from steerlab.learning.policy_training import Progress, TrainingRows, nobody
 from steerlab.sim.rollout import FloatArray
 from steerlab.sim.store_teaching import Trial
 from steerlab.teleop.teaching.host import Tick
-from steerlab.teleop.teaching.learning import new_learner, with_policies
+from steerlab.teleop.teaching.learning import new_learner
 from steerlab.teleop.teaching.register import Register
 from steerlab.teleop.teaching.subject import Subject
 
@@ -34,12 +34,12 @@ def try_all(stage: Stage, subject: Subject, register: Register, tick: Tick) -> N
     untried = [one for one in register.taught() if one.round not in tried]
     for done, taught in enumerate(untried):
         fresh = new_learner(subject.agent, subject.plan, subject.seed)
-        kept = with_policies(fresh, register.load(taught))
+        fresh.load(register.load(taught))
 
         def on_share(share: float, done: int = done) -> None:
             tick((done + share) / len(untried))
 
-        register.keep_trials(taught, try_out(stage, subject, kept, on_share))
+        register.keep_trials(taught, try_out(stage, subject, fresh, on_share))
 
 
 class _Watched:

@@ -100,6 +100,16 @@ def test_a_loss_that_is_no_number_is_said(seen):
         train_policy(network, rows, np.random.default_rng(0), PolicyTrainingConfig())
 
 
+def test_a_last_step_that_spoils_the_weights_is_said_and_undone(seen):
+    network = _network()
+    before = decide(network, seen)
+    rows = TrainingRows(seen, np.ones(ROWS), np.ones(ROWS))
+    config = PolicyTrainingConfig(steps=1, rate=1e39)  # beyond float32
+    with pytest.raises(TrainingDiverged, match="not finite after 1 steps"):
+        train_policy(network, rows, np.random.default_rng(0), config)
+    assert (decide(network, seen) == before).all()
+
+
 def test_rows_that_are_not_finite_or_empty_are_refused(seen):
     with pytest.raises(InvalidLabels, match="not finite"):
         TrainingRows(seen, np.full(ROWS, np.nan), np.ones(ROWS))
@@ -122,6 +132,30 @@ def test_other_files_are_no_policies(tmp_path):
     (tmp_path / "bad.safetensors").write_bytes(b"not a tensor")
     with pytest.raises(InvalidCheckpoint):
         load_policy(tmp_path / "bad.safetensors")
+
+
+@pytest.mark.parametrize("sizes", [{"channels": (16, 30, 32)}, {"hidden": 4}, {"channels": (8, 8)}])
+def test_sizes_that_the_kernels_cannot_tile_are_refused(sizes):
+    with pytest.raises(InvalidConfig, match="multiples of 8"):
+        PolicyConfig(**sizes)
+
+
+def test_progress_is_told_and_may_end_a_training_that_then_changes_nothing(seen):
+    network = _network()
+    before = decide(network, seen)
+    rows = TrainingRows(seen, np.ones(ROWS), np.ones(ROWS))
+    config, told = PolicyTrainingConfig(steps=4), []
+    train_policy(network, rows, np.random.default_rng(0), config, told.append)
+    assert told == [0.25, 0.5, 0.75, 1.0]
+    after = decide(network, seen)
+    assert (after != before).any()
+
+    def stop(share: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train_policy(network, rows, np.random.default_rng(0), config, stop)
+    assert (decide(network, seen) == after).all()
 
 
 def test_unknown_inputs_list_the_valid_ones():

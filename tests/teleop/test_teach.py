@@ -30,7 +30,13 @@ from steerlab.teleop.output_folder import OutputError
 from steerlab.teleop.teach import teach
 from steerlab.teleop.teach_config import TeachConfig
 from steerlab.teleop.teach_people import _label, check_window, prepare, sample_teachers
-from steerlab.teleop.teach_shards import keep_policies, read_shard, write_json
+from steerlab.teleop.teach_shards import (
+    keep_policies,
+    missing,
+    read_shard,
+    why_left_out,
+    write_json,
+)
 
 CONFIG = TeachConfig(
     learners=("dagger", "mapped:person_gain", "hg-dagger"),
@@ -120,6 +126,48 @@ def test_fewer_learners_and_teachers_need_no_new_driving(out, mapper, tmp_path, 
     assert alone["teachers"] == 1
 
 
+def test_learner_seeds_are_added_and_fewer_are_read_from_more(out, mapper, tmp_path, monkeypatch):
+    shutil.copytree(out, tmp_path / "out")
+    one = replace(CONFIG, teachers=1, learners=("dagger",))
+    first = read_shard(tmp_path / "out" / "teachers" / "test-000.json")["conditions"]["dagger"]
+    real, seeds = teach_worker.teach, []
+
+    def noted(*arguments, **options):
+        seeds.append(options["seed"])
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(teach_worker, "teach", noted)
+    more = _run(replace(one, learner_seeds=2), tmp_path / "out", mapper=mapper)
+    assert seeds == [1]
+    kept = read_shard(tmp_path / "out" / "teachers" / "test-000.json")["conditions"]["dagger"]
+    assert kept["0"] == first["0"]
+    assert kept["1"]["by_round"] != first["0"]["by_round"]
+    assert more["run"]["learner_seeds"] == 2
+    fewer = _run(one, tmp_path / "out", mapper=mapper)
+    assert seeds == [1]
+    assert fewer["conditions"] == _run(one, out, mapper=mapper)["conditions"]
+
+
+@pytest.mark.parametrize(
+    ("learners", "seeds", "why"),
+    [
+        (("bc",), 1, None),
+        (("bc",), 2, "no ball"),
+        (("bc", "eil"), 1, "no number"),
+    ],
+)
+def test_who_is_left_out_depends_on_what_is_asked_of_them(learners, seeds, why):
+    shard = {
+        "left_out": [
+            {"seed": 1, "learner": None, "why": "no ball"},
+            {"seed": 0, "learner": "eil", "why": "no number"},
+        ],
+        "conditions": {},
+    }
+    assert why_left_out(shard, learners, seeds) == why
+    assert missing(shard, learners, seeds) == ([] if why else [("bc", 0)])
+
+
 def test_an_interrupted_run_keeps_what_is_done_and_goes_on(out, tmp_path, monkeypatch):
     real, taught = teach_worker.teach, []
 
@@ -147,6 +195,19 @@ def test_an_interrupted_run_keeps_what_is_done_and_goes_on(out, tmp_path, monkey
 def test_another_run_in_the_folder_is_refused_and_says_what_differs(out, mapper):
     with pytest.raises(OutputError, match="rounds was 1 and is now 2"):
         _run(replace(CONFIG, rounds=2), out, mapper=mapper)
+
+
+def test_whoever_is_lost_is_not_asked_again_for_every_learner(tmp_path, monkeypatch):
+    asked = []
+
+    def lost(stage, teacher, config, *, seed):
+        asked.append(teacher.name)
+        raise BallNeverReached(f"{teacher.name} did not reach the ball")
+
+    monkeypatch.setattr(teach_worker, "demonstrate", lost)
+    with pytest.raises(ValueError, match="No teacher could be judged"):
+        _run(replace(CONFIG, learners=("bc", "dagger"), learner_seeds=3), tmp_path / "out")
+    assert asked == ["test-000", "test-001"]
 
 
 def _lost(stage, teacher, config, *, seed):

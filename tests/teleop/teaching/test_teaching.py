@@ -206,12 +206,12 @@ def test_a_loss_that_is_no_number_keeps_the_drive_and_the_robot_and_the_round_is
 ):
     train, calls = PolicyLearner.train, []
 
-    def diverge(self, episodes, progress):
+    def diverge(self, episodes, *progress):
         calls.append(len(episodes))
         if len(episodes) == 2 and calls.count(2) <= 2:
-            train(self, episodes, progress)  # the weights are spoilt
+            train(self, episodes, *progress)  # the weights are spoilt
             raise TrainingDiverged("The policy's loss is nan at step 3 of 6.")
-        return train(self, episodes, progress)
+        return train(self, episodes, *progress)
 
     monkeypatch.setattr("steerlab.teleop.teaching.classroom.warm_up", lambda *them: None)
     monkeypatch.setattr(PolicyLearner, "train", diverge)
