@@ -1,14 +1,15 @@
 """Does a better label make a better driver? ``python -m benchmarks.teach --out DIR [--jobs N]``.
 
-The whole comparison: 20 teachers x 3 learner seeds, noise 0.5, softened drivers, population seed 0;
-tuning used seeds from 100. Each part is a resumable ``steerlab teach`` in its own folder of DIR, so
-it can be stopped and given again, and learners that are there are not taught twice. ``--part speed``
-times one teacher alone; ``main`` is slalom with the wide population, the five learners of the
-paper's comparison and two other mappers; ``human`` the same with the narrower population; ``all``
-every learner on slalom and on hard; ``easy`` the control; ``raw`` drivers as clumsy as correctors;
-``families`` test teachers of other kinds. ``--teachers`` and ``--learner-seeds`` make parts smaller.
+Noise 0.5, softened drivers, population seed 2; settings were chosen on seeds from 100. Each part is
+a resumable ``steerlab teach`` in its own folder of DIR, so it can be stopped and given again.
+``--part speed`` times one teacher alone; ``main`` is slalom with the wide population and the five
+learners of the paper's comparison, 40 teachers x 3 learner seeds. The others are smaller: ``all``
+every learner on slalom (what ``main`` has taught is not taught again) and on hard; ``human`` the
+narrower population; ``easy`` the control; ``raw`` drivers as clumsy as correctors; ``families`` test
+teachers of other kinds. ``--teachers`` and ``--learner-seeds`` set their sizes.
 """
 
+import shutil
 import sys
 from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
@@ -32,24 +33,38 @@ from steerlab.teleop.teach_config import TeachConfig
 PAPER = ("bc", "dagger", "mind-meld", "mind-meld-mean", "oracle")
 OTHER_MAPPERS = ("mapped:sim_pretrained", "mapped:person_ridge")
 EVERYONE = (*(name for name in LEARNERS if ":" not in name), *OTHER_MAPPERS)
-MAIN = TeachConfig(learners=(*PAPER, *OTHER_MAPPERS), teachers=20, learner_seeds=3, seed=0)
+MAIN = TeachConfig(learners=PAPER, teachers=40, learner_seeds=3, seed=2)
+SMALLER = replace(MAIN, teachers=20, learner_seeds=1)
 TIMED = replace(
     MAIN, learners=("bc", "dagger", "mind-meld", "oracle"), teachers=1, learner_seeds=1, seed=100
 )
 PARTS = ("speed", "main", "human", "all", "easy", "raw", "families")
 
 
-def run(parts: Sequence[str], out: Path, whole: TeachConfig, jobs: int) -> list[Row]:
-    """Rows for what has a limit; everything else is in the folders' summaries."""
+def run(
+    parts: Sequence[str], out: Path, jobs: int, *, teachers: int | None, seeds: int | None
+) -> list[Row]:
+    """Rows for what has a limit; everything else is in the folders' summaries.
+
+    Args:
+        teachers: in place of each part's own number; likewise ``seeds``, of learners.
+    """
     rows: list[Row] = []
     for part in parts:
         if part == "speed":
             rows += speed()
             continue
-        for name, config in _configs(part, whole):
+        for name, config in _configs(part):
             print(f"{name} ...", flush=True)
+            if name == "all-slalom" and (out / "main").is_dir() and not (out / name).exists():
+                shutil.copytree(out / "main", out / name)
+            sized = replace(
+                config,
+                teachers=teachers or config.teachers,
+                learner_seeds=seeds or config.learner_seeds,
+            )
             summary = teach(
-                config, out / name, command=f"benchmarks.teach {name}", progress=_silent, jobs=jobs
+                sized, out / name, command=f"benchmarks.teach {name}", progress=_silent, jobs=jobs
             )
             print("\n".join(table_lines(summary)), flush=True)
             if name == "main" and summary["tests"]:
@@ -57,22 +72,21 @@ def run(parts: Sequence[str], out: Path, whole: TeachConfig, jobs: int) -> list[
     return rows
 
 
-def _configs(part: str, whole: TeachConfig) -> Iterator[tuple[str, TeachConfig]]:
-    few = replace(whole, learners=PAPER)
+def _configs(part: str) -> Iterator[tuple[str, TeachConfig]]:
     if part == "main":
-        yield "main", whole
+        yield "main", MAIN
     elif part == "human":
-        yield "human", replace(few, population="human")
+        yield "human", replace(SMALLER, population="human")
     elif part == "all":
         for task in ("slalom", "hard"):
-            yield f"all-{task}", replace(whole, learners=EVERYONE, task=task)
+            yield f"all-{task}", replace(SMALLER, learners=EVERYONE, task=task)
     elif part == "easy":
-        yield "easy", replace(few, task="easy")
+        yield "easy", replace(SMALLER, task="easy")
     elif part == "raw":
-        yield "raw", replace(few, driving="raw")
+        yield "raw", replace(SMALLER, driving="raw")
     else:
         for family in OUT_OF_FAMILY:
-            yield f"family-{family}", replace(few, population="human", family=family)
+            yield f"family-{family}", replace(SMALLER, population="human", family=family)
 
 
 def quality_rows(summary: dict[str, Any]) -> list[Row]:
@@ -149,11 +163,13 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--part", choices=PARTS, action="append")
-    parser.add_argument("--teachers", type=int, default=MAIN.teachers)
-    parser.add_argument("--learner-seeds", type=int, default=MAIN.learner_seeds)
+    parser.add_argument("--teachers", type=int)
+    parser.add_argument("--learner-seeds", type=int)
     given = parser.parse_args(arguments)
-    whole = replace(MAIN, teachers=given.teachers, learner_seeds=given.learner_seeds)
-    return print_rows(run(given.part or PARTS, given.out, whole, given.jobs))
+    parts = given.part or PARTS
+    return print_rows(
+        run(parts, given.out, given.jobs, teachers=given.teachers, seeds=given.learner_seeds)
+    )
 
 
 if __name__ == "__main__":

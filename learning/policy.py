@@ -132,7 +132,7 @@ class PolicyNetwork(nn.Module):
             self.wheel.weight.mul_(0.1)  # begins near straight on
 
     def used(self) -> list[nn.Parameter]:
-        """The parameters that count, in the order of ``policy_kernels.network.Weights``."""
+        """The parameters that count, in the order of ``policy_kernels.layout.Weights``."""
         parts: list[nn.Module] = [self.hidden, self.wheel]
         if self.config.inputs != "state":
             parts = [*self.image, *parts]

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steerlab.learning.policy import Observations, PolicyNetwork
-from steerlab.learning.policy_kernels.network import prepare, room_for, run_policy, sizes_of
+from steerlab.learning.policy_kernels.forward import run_policy
+from steerlab.learning.policy_kernels.layout import prepare, room_for, sizes_of
 from steerlab.sim.rollout import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 

@@ -13,7 +13,7 @@ from steerlab.learning.adam import Adam
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.policy import Observations, PolicyNetwork
 from steerlab.learning.policy_kernels.gradient import ByValues, Rows, batch_gradient
-from steerlab.learning.policy_kernels.network import room_for, sizes_of
+from steerlab.learning.policy_kernels.layout import room_for, sizes_of
 from steerlab.learning.policy_kernels.products import LANES
 from steerlab.learning.training import torch_threads
 from steerlab.sim.errors import InvalidConfig, SteerlabError

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from steerlab.learning.kernels.lanes import KERNEL, Float32Array
 from steerlab.learning.policy import Frames
+from steerlab.learning.policy_kernels.forward import block_of, read, run_block
 from steerlab.learning.policy_kernels.layers import (
     Layer,
     by_values,
@@ -15,15 +16,7 @@ from steerlab.learning.policy_kernels.layers import (
     input_size,
     output_size,
 )
-from steerlab.learning.policy_kernels.network import (
-    Sizes,
-    Values,
-    Weights,
-    read,
-    run_block,
-    split,
-    turned,
-)
+from steerlab.learning.policy_kernels.layout import Sizes, Values, Weights, split, turned
 from steerlab.learning.policy_kernels.products import LANES
 
 
@@ -94,19 +87,19 @@ def batch_gradient(
         inputs_together(sizes.second, original.second.weight),
     )
     for block in range(blocks):
-        by_features = _of(by.third, output_size(sizes.third), block)
+        by_features = block_of(by.third, output_size(sizes.third), block)
         by_values(
-            sizes.hidden, hidden, _of(by.hidden, output_size(sizes.hidden), block), sizes.image,
+            sizes.hidden, hidden, block_of(by.hidden, output_size(sizes.hidden), block), sizes.image,
             by_features,
         )  # fmt: skip
-        features = _of(values.features, input_size(sizes.hidden), block)
+        features = block_of(values.features, input_size(sizes.hidden), block)
         _keep_positive(features[: len(by_features)], by_features)
-        by_second = _of(by.second, output_size(sizes.second), block)
+        by_second = block_of(by.second, output_size(sizes.second), block)
         by_values(sizes.third, third, by_features, sizes.third.ins, by_second)
-        _rectified(sizes.third, _of(values.second, input_size(sizes.third), block), by_second)
-        by_first = _of(by.first, output_size(sizes.first), block)
+        _rectified(sizes.third, block_of(values.second, input_size(sizes.third), block), by_second)
+        by_first = block_of(by.first, output_size(sizes.first), block)
         by_values(sizes.second, second, by_second, sizes.second.ins, by_first)
-        _rectified(sizes.second, _of(values.first, input_size(sizes.second), block), by_first)
+        _rectified(sizes.second, block_of(values.first, input_size(sizes.second), block), by_first)
     by_weights(
         sizes.hidden, blocks, values.features, by.hidden, into.hidden.weight, into.hidden.bias
     )
@@ -173,8 +166,3 @@ def _keep_positive(values: Float32Array, by_out: Float32Array) -> None:
     for place in range(len(by_out)):  # a choice and no branch, which would be guessed wrong
         slope = by_out[place]
         by_out[place] = slope if values[place] > np.float32(0.0) else np.float32(0.0)
-
-
-@njit(**KERNEL)
-def _of(values: Float32Array, size: int, block: int) -> Float32Array:
-    return values[block * size : (block + 1) * size]

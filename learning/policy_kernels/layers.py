@@ -43,7 +43,7 @@ class Layer(NamedTuple):
     wide: int
 
 
-class Frame(NamedTuple):
+class Destination(NamedTuple):
     """Where a layer's output goes: the next layer's input, inside its margin."""
 
     high: int
@@ -100,20 +100,20 @@ def run_layer(
     bias: Float32Array,
     values: Float32Array,
     out: Float32Array,
-    frame: Frame,
+    into: Destination,
 ) -> None:
     """Rectified output of one block.
 
     Args:
         weights: (terms * outs,), an output after the other for each term.
         values: (input_size,).
-        out: (outs * high * wide * LANES,) of ``frame``.
+        out: (outs * high * wide * LANES,) of ``into``.
     """
-    places, area = taps(layer), frame.high * frame.wide * LANES
+    places, area = taps(layer), into.high * into.wide * LANES
     for y in range(layer.rows):
         for x in range(layer.columns):
             corner = (STRIDE * y * layer.wide + STRIDE * x) * LANES
-            place = ((y + frame.margin) * frame.wide + x + frame.margin) * LANES
+            place = ((y + into.margin) * into.wide + x + into.margin) * LANES
             for first in range(0, layer.outs, TILE):
                 for c in range(first, first + TILE):
                     start = c * area + place

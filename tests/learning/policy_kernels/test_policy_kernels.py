@@ -13,7 +13,7 @@ from torch.nn.utils import parameters_to_vector
 from steerlab.learning.policy import IMAGE_SHAPE, Observations, PolicyConfig, PolicyNetwork
 from steerlab.learning.policy_inference import Decider, decide
 from steerlab.learning.policy_kernels.gradient import ByValues, Rows, batch_gradient
-from steerlab.learning.policy_kernels.network import room_for, sizes_of
+from steerlab.learning.policy_kernels.layout import room_for, sizes_of
 from steerlab.learning.policy_kernels.products import LANES
 from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingRows, train_policy
 
