@@ -124,5 +124,5 @@ def _difference(out: Path, wanted: dict[str, Any]) -> str:
     kept = _kept(out)
     if kept is None:
         return f"it has no readable {RUN_FILE}"
-    other = [name for name in wanted if kept.get(name) != wanted[name]]
-    return "; ".join(f"{name} was {kept.get(name)} and is now {wanted[name]}" for name in other)
+    other = [name for name in {**wanted, **kept} if kept.get(name) != wanted.get(name)]
+    return "; ".join(f"{name} was {kept.get(name)} and is now {wanted.get(name)}" for name in other)

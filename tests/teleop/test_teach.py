@@ -197,6 +197,14 @@ def test_another_run_in_the_folder_is_refused_and_says_what_differs(out, mapper)
         _run(replace(CONFIG, rounds=2), out, mapper=mapper)
 
 
+def test_so_is_one_of_an_earlier_version(out, mapper, tmp_path):
+    shutil.copytree(out, tmp_path / "out")
+    run = tmp_path / "out" / "teach.json"
+    run.write_text(json.dumps(json.loads(run.read_text()) | {"learner_seeds": 3}))
+    with pytest.raises(OutputError, match="learner_seeds was 3 and is now None"):
+        _run(CONFIG, tmp_path / "out", mapper=mapper)
+
+
 def test_whoever_is_lost_is_not_asked_again_for_every_learner(tmp_path, monkeypatch):
     asked = []
 
