@@ -14,6 +14,7 @@ from steerlab.learning.policy_kernels.layers import (
     by_values,
     by_weights,
     input_size,
+    inside,
     output_size,
 )
 from steerlab.learning.policy_kernels.layout import Sizes, Values, Weights, split, turned
@@ -152,13 +153,14 @@ def _rectified(after: Layer, values: Float32Array, by_out: Float32Array) -> None
         values: (input_size of ``after``,).
         by_out: (channels * rows * columns * LANES,), without the margin.
     """
-    margin, rows, columns = after.kernel // 2, 2 * after.rows, 2 * after.columns
+    margin = after.kernel // 2
+    rows, columns = inside(after)
     for channel in range(after.ins):
         for y in range(rows):
             for x in range(columns):
-                inside = ((channel * after.high + y + margin) * after.wide + x + margin) * LANES
+                held = ((channel * after.high + y + margin) * after.wide + x + margin) * LANES
                 place = ((channel * rows + y) * columns + x) * LANES
-                _keep_positive(values[inside : inside + LANES], by_out[place : place + LANES])
+                _keep_positive(values[held : held + LANES], by_out[place : place + LANES])
 
 
 @njit(**KERNEL)

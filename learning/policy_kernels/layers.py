@@ -81,6 +81,14 @@ def output_size(layer: Layer) -> int:
 
 
 @njit(**KERNEL)
+def inside(layer: Layer) -> tuple[int, int]:
+    """Rows and columns of the input without its margin."""
+    if layer.kernel == 1:
+        return 1, 1
+    return STRIDE * layer.rows, STRIDE * layer.columns
+
+
+@njit(**KERNEL)
 def taps(layer: Layer) -> Places:
     """Where each weight of an output reads, from the output's corner in the input."""
     found = np.empty(terms(layer), np.int64)
@@ -105,7 +113,7 @@ def run_layer(
     """Rectified output of one block.
 
     Args:
-        weights: (terms * outs,), an output after the other for each term.
+        weights: (terms * outs,), a term's outputs side by side; see ``outputs_together``.
         values: (input_size,).
         out: (outs * high * wide * LANES,) of ``into``.
     """
@@ -188,14 +196,12 @@ def by_values(
     """Gradient by the first ``ins`` input channels of one block, without the margin.
 
     Args:
-        weights: (kernel * kernel * outs * layer.ins,), an input after the other.
+        weights: (taps * outs * ins,), inputs side by side; see ``inputs_together``.
         by_out: (output_size,).
         by_in: (ins * rows * columns * LANES,).
     """
     margin, area = layer.kernel // 2, layer.rows * layer.columns
-    high, wide = layer.high - 2 * margin, layer.wide - 2 * margin
-    if layer.kernel > 1:  # an odd kernel on an even input leaves the last margin unread
-        high, wide = STRIDE * layer.rows, STRIDE * layer.columns
+    high, wide = inside(layer)
     channels = np.arange(layer.outs) * (area * LANES)
     by_in[: ins * high * wide * LANES] = np.float32(0.0)
     for y in range(high):

@@ -2,6 +2,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -150,3 +151,42 @@ def test_no_back_end_is_not_cached(tmp_path, monkeypatch):
     assert gl.choose_gl() is None
     assert os.environ["MUJOCO_GL"] == "disabled"
     assert not (tmp_path / "steerlab/gl.json").exists()
+
+
+_THREADS = """
+import sys
+from hashlib import sha256
+from pathlib import Path
+from steerlab.sim.engine.gl import choose_gl, draw_without_threads
+if sys.argv[1] == "without":
+    draw_without_threads()
+    choose_gl()
+from steerlab.sim.engine.camera import Camera
+from steerlab.sim.engine.driving import Driving
+from steerlab.sim.tasks import make_task
+with Driving(make_task("slalom").world) as driving, Camera(driving.model, driving.data) as camera:
+    frames = b"".join(camera.frame().tobytes() for step in range(30) if driving.step(step / 10))
+names = [path.read_text() for path in Path("/proc/self/task").glob("*/comm")]
+print(sha256(frames).hexdigest(), sum("llvmpipe" in name for name in names))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted in /proc")
+def test_drawing_without_threads_changes_no_pixel():
+    environment = {key: value for key, value in os.environ.items() if key != "LP_NUM_THREADS"}
+    found: list[list[str]] = [
+        subprocess.run(
+            [sys.executable, "-c", _THREADS, how],
+            env=environment, capture_output=True, text=True, check=True,
+        ).stdout.split()
+        for how in ("with", "without")
+    ]  # fmt: skip
+    (with_threads, _), (without, left) = found
+    assert with_threads == without
+    assert left == "0"
+
+
+def test_whoever_sets_the_driver_s_threads_keeps_them(monkeypatch):
+    monkeypatch.setenv("LP_NUM_THREADS", "3")
+    gl.draw_without_threads()
+    assert os.environ["LP_NUM_THREADS"] == "3"
