@@ -8,6 +8,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from steerlab.sim.engine.gl import draw_without_threads
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.unusual_teachers import UnusualTeacher
 from steerlab.teleop.teach_config import TeachConfig
@@ -61,6 +62,7 @@ def run_units(
         _run_here(config, prepared, units, out, progress)
         return
     progress("teaching", 0.0)
+    draw_without_threads()  # the processes inherit it; here MuJoCo may have been imported
     pool = ProcessPoolExecutor(
         max_workers=min(jobs, len(units)),
         mp_context=get_context("spawn"),  # a fork would share torch's and OpenGL's state

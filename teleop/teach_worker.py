@@ -18,7 +18,6 @@ from steerlab.learning.agents import (
 )
 from steerlab.learning.mapper import LabelMapper
 from steerlab.learning.policy_training import TrainingDiverged
-from steerlab.sim.engine.gl import draw_without_threads
 from steerlab.teleop.teach_config import TeachConfig
 from steerlab.teleop.teach_people import Person
 from steerlab.teleop.teach_shards import final_drives, keep_policies, round_values, shown_frames
@@ -60,7 +59,6 @@ class Workshop:
         self, config: TeachConfig, mappers: Mapping[str, LabelMapper], folder: Path
     ) -> None:
         self._config, self._mappers, self._folder = config, mappers, folder
-        draw_without_threads()  # a frame of 64 pixels is not worth waking any
         self._stage = Stage(config.make_task(), seed=config.seed)
         self._judging: dict[int, Judging] = {}
         self._teacher = ""  # whose demonstrations are kept, by seed

@@ -65,7 +65,8 @@ def draw_without_threads() -> None:
 
     Waking its threads costs more than a frame of 64 pixels takes (0.67 ms a step with its picture
     against 0.40), the more when other processes want the cores; large pictures do gain from them.
-    Holds for contexts opened afterwards, and changes no pixel.
+    Changes no pixel. Call it before MuJoCo is imported, which opens the driver; processes started
+    afterwards inherit it.
     """
     os.environ.setdefault("LP_NUM_THREADS", "0")
 

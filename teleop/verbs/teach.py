@@ -60,6 +60,9 @@ def teach(
 
     Example: steerlab teach --learners bc dagger mind-meld oracle --teachers 4 --out taught
     """
+    from steerlab.sim.engine.gl import draw_without_threads
+
+    draw_without_threads()  # before the next lines import MuJoCo
     from steerlab.teleop.teach import teach as run
     from steerlab.teleop.teach_config import TeachConfig
     from steerlab.teleop.verbs.common import command_line

@@ -1,9 +1,11 @@
 """``steerlab teach`` end to end, as small as it goes: what it writes, repeats, resumes and refuses."""
 
 import json
+import os
 import pickle
 import shutil
 import subprocess
+import sys
 from base64 import b64decode
 from dataclasses import replace
 from io import BytesIO
@@ -346,6 +348,28 @@ def test_the_command_refuses_an_unknown_learner_in_one_sentence(tmp_path, capsys
     assert "No learner 'dager'" in error
     assert "mind-meld" in error
     assert not (tmp_path / "x").exists()
+
+
+_WATCHED = """
+import os, sys
+class Watch:
+    def find_spec(name, path=None, target=None):
+        if name == "mujoco":
+            print("drawing threads:", os.environ.get("LP_NUM_THREADS"))
+sys.meta_path.insert(0, Watch)
+from steerlab.teleop.cli import main
+sys.exit(main(["teach", "--learners", "dager", "--out", sys.argv[1]]))
+"""
+
+
+def test_the_driver_is_told_of_threads_before_mujoco_opens_it(tmp_path):
+    environment = {key: value for key, value in os.environ.items() if key != "LP_NUM_THREADS"}
+    done = subprocess.run(
+        [sys.executable, "-c", _WATCHED, str(tmp_path / "x")],
+        env=environment, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert done.stdout.split("\n")[0] == "drawing threads: 0"
 
 
 def test_stopping_says_how_to_go_on(tmp_path, monkeypatch, capsys):
