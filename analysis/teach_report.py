@@ -58,6 +58,11 @@ def headline(summary: Mapping[str, Any]) -> str:
             "teachers’ own"
         )
     best = max(found, key=lambda name: found[name]["success"])
+    if len(found) == 1:
+        return (
+            f"Policies taught by {teachers(summary['teachers'])} as {learner_name(best)} reached "
+            f"the ball in {percent(found[best]['success'])} of drives"
+        )
     return (
         f"Of {len(found)} learners {learner_name(best)} reached the ball most: "
         f"{percent(found[best]['success'])} of drives"

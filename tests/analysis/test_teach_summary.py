@@ -245,6 +245,8 @@ def test_the_page_says_what_is_established_and_what_is_not(shards, four):
     assert "73\u202f% of drives with MIND MELD’s labels" in headline(_summary(shards))
     one = summary | {"conditions": {"eil": {"success": 0.5}, "shiv": {"success": 0.75}}}
     assert "SHIV reached the ball most: 75" in headline(one)
+    alone = headline(summary | {"conditions": {"eil": {"success": 0.5}}})
+    assert alone == "Policies taught by 3 teachers as EIL reached the ball in 50\u202f% of drives"
 
 
 def test_each_teacher_is_a_point_of_the_error_figure(shards):
