@@ -246,7 +246,7 @@ def test_the_page_says_what_is_established_and_what_is_not(shards, four):
     one = summary | {"conditions": {"eil": {"success": 0.5}, "shiv": {"success": 0.75}}}
     assert "SHIV reached the ball most: 75" in headline(one)
     alone = headline(summary | {"conditions": {"eil": {"success": 0.5}}})
-    assert alone == "Policies taught by 3 teachers as EIL reached the ball in 50\u202f% of drives"
+    assert alone == "Policies taught by 4 teachers as EIL reached the ball in 50\u202f% of drives"
 
 
 def test_each_teacher_is_a_point_of_the_error_figure(shards):
