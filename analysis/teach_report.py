@@ -15,7 +15,7 @@ from steerlab.analysis.teach_summary import Shard, person_points, shown_shard
 from steerlab.analysis.wording import percent, teachers
 from steerlab.sim.world import WorldSpec
 
-METRIC_NAMES = {"final_distance_m": "final distance (m)", "success": "success"}
+METRIC_NAMES = {"final_distance_m": "distance\u00a0(m)", "success": "success"}
 _SHOWN = ("dagger", "mind-meld", "oracle", "bc")  # first on the contact sheet, which is long
 
 
@@ -115,8 +115,8 @@ def render_teach_report(report: TeachReport) -> str:
 
 
 def p_text(value: float, *, sign: bool = False) -> str:
-    """A p value with as many digits as it deserves; with ``sign``, ``= `` before it."""
+    """A p value with as many digits as it deserves, in one line; with ``sign``, ``= `` before it."""
     if value < 0.001:
-        return "< .001"
+        return "<\u00a0.001"
     text = f"{value:.3f}".lstrip("0") if value < 0.9995 else "1"
     return f"= {text}" if sign else text

@@ -272,4 +272,4 @@ def test_many_learners_still_make_a_page(shards):
 
 
 def test_p_values_in_words():
-    assert [p_text(p) for p in (1e-5, 0.0123, 1.0)] == ["< .001", ".012", "1"]
+    assert [p_text(p) for p in (1e-5, 0.0123, 1.0)] == ["<\u00a0.001", ".012", "1"]
