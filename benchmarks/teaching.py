@@ -61,7 +61,7 @@ def resting() -> list[Row]:
         for _ in range(ROUNDS + 1)
     ]
     found: list[Row] = []
-    for members, doubts in ((1, "none"), (1, "novelty"), (3, "spread")):
+    for members, doubts in ((1, "none"), (1, "risk"), (3, "spread")):
         learner = PolicyLearner(0, members=members, doubts=doubts)
         learner.train(rows[:2])
         began = perf_counter()

@@ -171,8 +171,8 @@ class Agent:
 
     Attributes:
         ensemble: policies in the learner.
-        doubts: which doubt the learner has: of an ensemble (``spread``) or of one class
-            (``novelty``); ``none`` for learners whose gate and rule never ask.
+        doubts: which doubt the learner has, see ``PolicyLearner``; ``none`` for learners whose gate
+            and rule never ask.
         demonstration_is_oracle: the first demonstration's labels too are ground truth.
     """
 

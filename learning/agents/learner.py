@@ -1,7 +1,7 @@
 """The learner behind every condition: one or more policies, and the doubt its gate asks for."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import torch
@@ -23,9 +23,10 @@ from steerlab.learning.policy_training import (
     train_policy,
 )
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.rollout import BoolArray, FloatArray
 
-Doubts = Literal["none", "spread", "novelty", "safety"]
+Doubts = Literal["none", "spread", "novelty", "risk", "safety"]
+LEARNT_WHEEL = 0.5  # an error up to which a row counts as learnt, for the doubt ``risk``
 SPREAD_WHEEL = 0.35  # standard deviation among policies at which doubt is 1
 
 
@@ -35,8 +36,8 @@ class PolicyLearner:
     Args:
         seed: of weights and batches; equal for every condition that is compared.
         members: policies; what it does is their mean.
-        doubts: ``spread`` of the members over ``SPREAD_WHEEL``, ``novelty`` or ``safety`` of the
-            first member's features.
+        doubts: ``spread`` of the members over ``SPREAD_WHEEL``, ``novelty``, ``risk`` (of what
+            is new or not learnt yet) or ``safety`` of the first member's features.
     """
 
     def __init__(
@@ -50,9 +51,9 @@ class PolicyLearner:
     ) -> None:
         if members < 1 or (doubts == "spread" and members < 2):
             raise InvalidConfig(f"{members} policies cannot have doubt {doubts!r}; give more.")
-        if doubts not in ("none", "spread", "novelty", "safety"):
+        if doubts not in get_args(Doubts):
             raise InvalidConfig(
-                f"doubts is {doubts!r}; choose one of none, spread, novelty, safety."
+                f"doubts is {doubts!r}; choose one of {', '.join(get_args(Doubts))}."
             )
         self._doubts = doubts
         self._training = training or PolicyTrainingConfig()
@@ -88,10 +89,14 @@ class PolicyLearner:
         if self._doubts == "spread":
             wheels = [decider.wheel(seen) for decider in self._deciders]
             return np.std(wheels, axis=0) / SPREAD_WHEEL
-        judge = self._novelty if self._doubts == "novelty" else self._safety
+        judge = self._safety if self._doubts == "safety" else self._novelty
         if judge is None:
             return np.full(len(seen), np.inf)
         return judge(self._deciders[0].features(seen))
+
+    def _learnt(self, episode: TrainingRows) -> BoolArray:
+        """(rows,) where the policy does by now what it was taught."""
+        return np.abs(self.act(episode.seen) - episode.target) <= LEARNT_WHEEL
 
     def train(self, episodes: Sequence[TrainingRows], progress: Progress = nobody) -> float:
         """Learn from all episodes, then refit the doubt; the members' last mean loss.
@@ -119,10 +124,10 @@ class PolicyLearner:
             for done, (network, rng) in enumerate(zip(self.networks, self._rngs, strict=True))
         ]
         self._deciders = [Decider(network) for network in self.networks]
-        if self._doubts == "novelty":
-            self._novelty = Novelty(
-                [self._deciders[0].features(episode.seen) for episode in episodes]
-            )
+        if self._doubts in ("novelty", "risk"):
+            drives = [self._deciders[0].features(episode.seen) for episode in episodes]
+            learnt = None if self._doubts == "novelty" else [*map(self._learnt, episodes)]
+            self._novelty = Novelty(drives, learnt)
         elif self._doubts == "safety":
             self._safety = SafetyModel(
                 self._deciders[0].features(rows.seen), np.concatenate(self._errors)

@@ -1,9 +1,10 @@
 """SHIV: ask for labels only where the learner is new to what it sees.
 
 Laskey et al., "SHIV: reducing supervisor burden in DAgger using support vectors for query
-efficient learning in high dimensional state spaces", ICRA 2016. Departure: one class is told by
-distance to the nearest known row among the policy's own features (``novelty.py``), where the paper
-fits a one-class SVM and also asks where the policy misfits its training data.
+efficient learning in high dimensional state spaces", ICRA 2016. As there, what the policy still gets
+wrong after training counts as unknown, so labels are asked for near it too. Departure: one class is
+told by distance to the nearest row that was learnt, among the policy's own features
+(``novelty.py``), where the paper fits a one-class SVM.
 """
 
 import numpy as np
@@ -23,5 +24,5 @@ class NovelLabels:
 
 
 def shiv() -> Agent:
-    """The learner drives; only novel states are labelled."""
-    return Agent(name="shiv", gate=LearnerDrives(), rule=NovelLabels(), doubts="novelty")
+    """The learner drives; only states that are new or not learnt yet are labelled."""
+    return Agent(name="shiv", gate=LearnerDrives(), rule=NovelLabels(), doubts="risk")

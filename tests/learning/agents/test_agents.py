@@ -258,15 +258,56 @@ def test_mind_meld_maps_with_w_and_its_control_without():
     assert isinstance(make_agent("mind-meld", {"mind_meld": identity}).rule, MappedLabels)
 
 
+def _walk(rng: np.random.Generator, rows: int = 100) -> np.ndarray:
+    """Features of a drive: each decision's differ a little from the last one's."""
+    return 0.1 * rng.normal(size=(rows, 4)).cumsum(axis=0)
+
+
 def test_novelty_falls_once_a_place_is_known():
     rng = np.random.default_rng(0)
-    here, there = rng.normal(size=(100, 4)), rng.normal(size=(50, 4)) + 20.0
-    again = rng.normal(size=(100, 4))
-    assert np.isinf(Novelty([here])(again)).all()  # one drive tells nothing of how drives differ
-    knows_here = Novelty([here, again])
+    here = _walk(rng)
+    there = _walk(rng) + 20.0
+    knows_here = Novelty([here])
+    assert (knows_here(here) == 0.0).all()
+    between = knows_here(0.5 * (here[1:] + here[:-1]))
+    assert (between <= 1.0).mean() > 0.95  # but for a step of twice the usual length
     assert (knows_here(there) > 1.0).all()
-    assert (knows_here(rng.normal(size=(200, 4))) > 1.0).mean() < 0.3
-    assert (Novelty([here, again, there])(there) > 1.0).mean() == 0.0
+    assert (Novelty([here, there])(there) == 0.0).all()
+
+
+def test_odd_drives_make_nothing_else_known():
+    rng = np.random.default_rng(2)
+    here, new = _walk(rng), _walk(rng) + 9.0
+    odd = [_walk(rng) + far for far in (-30.0, 30.0, 60.0)]
+    knows = Novelty([here, *odd])
+    assert (knows(new) > 1.0).all()
+
+
+def test_what_was_not_learnt_is_not_known():
+    rng = np.random.default_rng(1)
+    here = _walk(rng)
+    learnt = np.arange(100) < 50
+    novelty = Novelty([here], [learnt])
+    assert (novelty(here)[:50] == 0.0).all()
+    assert (novelty(here)[60:] > 1.0).mean() > 0.8
+    assert np.isinf(Novelty([here], [~np.ones(100, bool)])(here)).all()
+    assert np.isinf(Novelty([here[:1]])(here)).all()  # one decision tells nothing of change
+
+
+def test_shiv_asks_again_where_it_did_not_learn(make_episode):
+    """Laskey et al.: what the policy misfits counts as risky, however often it was seen."""
+    seen = make_episode().seen
+    blank = Observations(np.zeros_like(seen.image), np.zeros_like(seen.motion))
+    shares = {}
+    for name, views, target in (
+        ("learnt", seen, np.full(DECISIONS, 1.0)),
+        ("not to be learnt", blank, np.where(np.arange(DECISIONS) % 2, 2.0, -2.0)),
+    ):
+        learner = PolicyLearner(0, doubts="risk", training=PolicyTrainingConfig(steps=60))
+        assert np.isinf(learner.doubt(views)).all()
+        learner.train([TrainingRows(views, target, np.ones(DECISIONS))])
+        shares[name] = (learner.doubt(views) > 1.0).mean()
+    assert shares == {"learnt": 0.0, "not to be learnt": 1.0}
 
 
 def test_the_safety_model_separates_what_it_was_shown():
