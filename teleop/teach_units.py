@@ -126,7 +126,9 @@ def _keep(taught: Taught, out: Path) -> None:
         shard["failed_demonstrations"][str(unit.seed)] = taught.failed_demonstrations
     if taught.result is None:
         learner = None if taught.failed_demonstrations is None else unit.learner
-        shard["left_out"].append({"seed": unit.seed, "learner": learner, "why": taught.left_out})
+        why = {"seed": unit.seed, "learner": learner, "why": taught.left_out}
+        if why not in shard["left_out"]:  # another of the teacher's units may have been under way
+            shard["left_out"].append(why)
     else:
         shard["conditions"].setdefault(unit.learner, {})[str(unit.seed)] = taught.result
     write_json(shard, path, indent=None)

@@ -39,6 +39,7 @@ from steerlab.teleop.teach_shards import (
     why_left_out,
     write_json,
 )
+from steerlab.teleop.teach_units import _keep
 
 CONFIG = TeachConfig(
     learners=("dagger", "mapped:person_gain", "hg-dagger"),
@@ -218,6 +219,17 @@ def test_whoever_is_lost_is_not_asked_again_for_every_learner(tmp_path, monkeypa
     with pytest.raises(ValueError, match="No teacher could be judged"):
         _run(replace(CONFIG, learners=("bc", "dagger"), learner_seeds=3), tmp_path / "out")
     assert asked == ["test-000", "test-001"]
+
+
+def test_units_that_were_under_way_say_it_once(tmp_path):
+    (tmp_path / "teachers").mkdir()
+    teacher = sample_teachers(CONFIG)[0]
+    for learner in ("bc", "dagger"):
+        unit = teach_worker.Unit(teacher=teacher, learner=learner, seed=0)
+        lost = {"failed_demonstrations": None, "result": None, "left_out": "no ball"}
+        _keep(teach_worker.Taught(unit=unit, **lost), tmp_path)
+    shard = read_shard(tmp_path / "teachers" / f"{teacher.name}.json")
+    assert shard["left_out"] == [{"seed": 0, "learner": None, "why": "no ball"}]
 
 
 def _lost(stage, teacher, config, *, seed):
