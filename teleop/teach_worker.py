@@ -1,4 +1,4 @@
-"""One teacher with one learner, all learner seeds, in one process and on one thread."""
+"""One teacher with one learner and learner seed, in one process and on one thread."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

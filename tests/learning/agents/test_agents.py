@@ -343,3 +343,11 @@ def test_targets_that_are_not_finite_need_weight_0():
     bad = np.array([np.nan, 1.0])
     with pytest.raises(ValueError, match="not finite"):
         Targets(bad, np.ones(2), np.ones(2, dtype=bool))
+
+
+def test_a_learner_that_takes_over_weights_acts_by_them(make_episode):
+    seen = make_episode().seen
+    mine, other = PolicyLearner(0), PolicyLearner(1)
+    assert (mine.act(seen) != other.act(seen)).any()
+    mine.load(other.networks)
+    assert (mine.act(seen) == other.act(seen)).all()
