@@ -1,10 +1,12 @@
 # steerlab: every target sets up .venv by itself. Another Python: make PYTHON=/path/to/python demo
+# Another build of PyTorch: make TORCH=cpu|cuda|FILE demo (see tools/install.py)
 PYTHON ?= python3
-export PYTHON
+TORCH ?= auto
+export PYTHON TORCH
 BIN := .venv/bin
-SETUP := pyproject.toml constraints.txt tools/setup.sh
+SETUP := pyproject.toml $(wildcard requirements/*.txt) tools/setup.sh tools/install.py
 
-.PHONY: help demo test check bench build clean
+.PHONY: help demo test check bench build lock clean
 
 help:
 	@echo "make demo    set everything up and run a small simulated study; ends in a report"
@@ -12,6 +14,7 @@ help:
 	@echo "make check   lint, format, types, layering"
 	@echo "make bench   speed and accuracy against their limits"
 	@echo "make build   wheel and sdist, the wheel tried in an environment of its own"
+	@echo "make lock    the lists of packages in requirements/ made again from pyproject.toml"
 
 demo: .venv/.steerlab-run
 	$(BIN)/steerlab demo --out steerlab-demo --force
@@ -32,6 +35,9 @@ build: .venv/.steerlab-dev
 	rm -rf dist build
 	$(BIN)/python -m build --outdir dist .
 	tools/try-wheel.sh
+
+lock: .venv/.steerlab-dev
+	tools/lock.sh
 
 clean:
 	rm -rf .venv build dist steerlab-demo *.egg-info .pytest_cache .ruff_cache .hypothesis

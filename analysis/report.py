@@ -16,7 +16,11 @@ from steerlab.analysis.wording import comparison, headline, left_out_reasons
 
 @dataclass(frozen=True, kw_only=True)
 class DriveCaption:
-    """What the drive's figure shows: a rollout, the oracle's paths at some moments, a frame."""
+    """What the drive's figure shows: a rollout, the oracle's paths at some moments, a frame.
+
+    Attributes:
+        camera_t_s: when the frame was; None without one, which the page then says.
+    """
 
     rollout: str
     world: str

@@ -22,6 +22,7 @@ from benchmarks import (
     pretrained,
     recording,
     simulation,
+    startup,
     store,
     study,
     style,
@@ -47,6 +48,7 @@ BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "teach": teach.speed,
     "console": console.run,
     "study": study.run,
+    "startup": startup.run,
     "commands": commands.run,
 }
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -9,11 +10,12 @@ import torch
 from torch import Tensor
 
 from steerlab.learning.errors import InvalidLabels
-from steerlab.learning.kernels.halves import encode_windows
-from steerlab.learning.kernels.normal_equations import NormalEquations, Sums
 from steerlab.learning.mind_meld import MindMeld
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.windows import Windows
+
+if TYPE_CHECKING:
+    from steerlab.learning.kernels.normal_equations import NormalEquations, Sums
 
 _COARSE = 4  # the first steps need only every fourth window,
 _LEAST_COARSE = 400  # of people who have as many
@@ -88,6 +90,8 @@ def calibrate(
 
 def encode(network: MindMeld, inputs: Tensor) -> Tensor:
     """Encode many windows: (rows, window, channels) -> (rows, k)."""
+    from steerlab.learning.kernels.halves import encode_windows
+
     return encode_windows(network, inputs)
 
 
@@ -105,7 +109,9 @@ def spread_rows(series: Sequence[LabelSeries], most: int) -> npt.NDArray[np.int6
     return np.sort(np.concatenate(chosen))
 
 
-def _rows(network: MindMeld, windows: Windows) -> NormalEquations:
+def _rows(network: MindMeld, windows: Windows) -> "NormalEquations":
+    from steerlab.learning.kernels.normal_equations import NormalEquations
+
     valid = torch.nonzero(windows.valid).squeeze(1)
     person = windows.person[valid]
     counts = torch.bincount(person, minlength=len(windows.people))
@@ -118,7 +124,7 @@ def _rows(network: MindMeld, windows: Windows) -> NormalEquations:
 
 
 def _descend(
-    rows: NormalEquations,
+    rows: "NormalEquations",
     embeddings: Tensor,
     weight: float,
     strides: Tensor,
@@ -126,6 +132,8 @@ def _descend(
     config: CalibrationConfig,
 ) -> Tensor:
     """Levenberg-Marquardt for everyone at once, each with their own damping."""
+    from steerlab.learning.kernels.normal_equations import Sums
+
     damping = torch.full((len(embeddings),), config.damping, dtype=torch.float64)
     current, _ = rows.sums(embeddings, weight, strides)
     for _ in range(iterations):
@@ -147,14 +155,14 @@ def _descend(
     return embeddings
 
 
-def _damped_step(equations: Sums, damping: Tensor) -> Tensor:
+def _damped_step(equations: "Sums", damping: Tensor) -> Tensor:
     diagonal = equations.matrix.diagonal(dim1=1, dim2=2)
     floor = 1e-9 * diagonal.amax(dim=1, keepdim=True) + 1e-12  # a direction nothing depends on
     damped = equations.matrix + torch.diag_embed(damping[:, None] * diagonal + floor)
     return torch.linalg.solve(damped, equations.gradient)
 
 
-def _with_certainty(rows: NormalEquations, embeddings: Tensor) -> CalibratedPeople:
+def _with_certainty(rows: "NormalEquations", embeddings: Tensor) -> CalibratedPeople:
     """What ``CalibratedPeople`` says of the embeddings."""
     sums, residual = rows.sums(embeddings, 0.0, torch.ones_like(rows.counts))
     counts = rows.counts.double()

@@ -4,7 +4,6 @@ import logging
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as f_distribution
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.sim.rollout import FloatArray
@@ -91,9 +90,11 @@ class TrainingPeople:
         Hotelling's prediction region; for many people it is the square root of chi-square's
         quantile, for few it is wider, since mean and spread are estimates.
         """
+        from scipy.special import fdtri
+
         people, size = self.count, len(self.mean)
         scale = size * (people - 1) * (people + 1) / (people * (people - size))
-        return float(np.sqrt(scale * f_distribution.ppf(quantile, size, people - size)))
+        return float(np.sqrt(scale * fdtri(size, people - size, quantile)))
 
     def judge(
         self, person: str, embedding: FloatArray, information: FloatArray, g_sigma: FloatArray

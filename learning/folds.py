@@ -13,7 +13,7 @@ import numpy as np
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.label_table import LabelTable
-from steerlab.learning.ladder.people import by_person
+from steerlab.learning.people import by_person
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.splits import StudySplit
 from steerlab.sim.errors import InvalidConfig

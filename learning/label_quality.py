@@ -2,13 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from steerlab.learning.errors import InvalidLabels
-from steerlab.learning.mapper import LabelMapper
 from steerlab.learning.series import LabelSeries
 from steerlab.sim.rollout import FloatArray
+
+if TYPE_CHECKING:
+    from steerlab.learning.mapper import LabelMapper
 
 RESAMPLES = 2000
 _FLOATS_AT_ONCE = 4_000_000
@@ -128,7 +131,7 @@ class LabelSums:
 
 
 def mapper_quality(
-    mapper: LabelMapper, series: Sequence[LabelSeries], rng: np.random.Generator
+    mapper: "LabelMapper", series: Sequence[LabelSeries], rng: np.random.Generator
 ) -> LabelQuality:
     """Quality of ``mapper`` on the valid steps of ``series``.
 

@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steerlab.learning.policy import Observations, PolicyNetwork
-from steerlab.learning.policy_kernels.forward import run_policy
-from steerlab.learning.policy_kernels.layout import prepare, room_for, sizes_of
 from steerlab.sim.rollout import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
@@ -21,6 +19,10 @@ class Decider:
     """
 
     def __init__(self, network: PolicyNetwork) -> None:
+        from steerlab.learning.policy_kernels.forward import run_policy
+        from steerlab.learning.policy_kernels.layout import prepare, room_for, sizes_of
+
+        self._run_policy = run_policy  # imported here, not in the first decision of a drive
         self._sizes = sizes_of(network.config)
         vector = np.concatenate([part.detach().numpy().ravel() for part in network.used()])
         self._weights = prepare(self._sizes, vector)
@@ -42,7 +44,7 @@ class Decider:
         hidden = np.empty((rows, self._sizes.hidden.outs), np.float32)
         image = np.ascontiguousarray(seen.image).reshape(rows, -1)
         motion = np.ascontiguousarray(seen.motion, np.float32)
-        run_policy(self._sizes, self._weights, image, motion, self._room, wheel, hidden)
+        self._run_policy(self._sizes, self._weights, image, motion, self._room, wheel, hidden)
         return wheel, hidden
 
 

@@ -12,9 +12,6 @@ from torch.nn.utils import parameters_to_vector, vector_to_parameters
 from steerlab.learning.adam import Adam
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.policy import Observations, PolicyNetwork
-from steerlab.learning.policy_kernels.gradient import ByValues, Rows, batch_gradient
-from steerlab.learning.policy_kernels.layout import room_for, sizes_of
-from steerlab.learning.policy_kernels.products import LANES
 from steerlab.learning.training import torch_threads
 from steerlab.sim.errors import InvalidConfig, SteerlabError
 from steerlab.sim.rollout import FloatArray
@@ -93,6 +90,10 @@ def train_policy(
     Raises:
         TrainingDiverged: the loss is not finite; the network is then as it was.
     """
+    from steerlab.learning.policy_kernels.gradient import ByValues, Rows, batch_gradient
+    from steerlab.learning.policy_kernels.layout import room_for, sizes_of
+    from steerlab.learning.policy_kernels.products import LANES
+
     sizes = sizes_of(network.config)
     blocks = -(-config.batch_size // LANES)
     values, by = room_for(sizes, blocks), ByValues.of(sizes, blocks)

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import rankdata
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.sim.rollout import FloatArray
@@ -70,6 +69,8 @@ class StyleProbe:
         self, embeddings: FloatArray, styles: Mapping[str, FloatArray]
     ) -> dict[str, float]:
         """Rank correlation of predicted and true parameters on new people."""
+        from scipy.stats import rankdata
+
         predicted = self.predict(embeddings)
         return {
             name: float(np.corrcoef(rankdata(predicted[name]), rankdata(styles[name]))[0, 1])

@@ -1,13 +1,16 @@
 """``LabelSeries``: one person's labels for one rollout beside the ground truth."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pyarrow as pa
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.sim.rollout import BoolArray, FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 _COLUMNS = (
     "participant",
@@ -88,7 +91,7 @@ class LabelSeries:
         return len(self.label)
 
 
-def series_from_table(table: pa.Table) -> list[LabelSeries]:
+def series_from_table(table: "pa.Table") -> list[LabelSeries]:
     """One series per participant and rollout, sorted by both, from ``LABELLED_STEP_SCHEMA`` rows.
 
     Of several attempts at a rollout the last one counts. A null or NaN label or oracle label, and
@@ -121,10 +124,10 @@ def series_from_table(table: pa.Table) -> list[LabelSeries]:
     ]
 
 
-def _numpy(table: pa.Table, name: str) -> np.ndarray:
+def _numpy(table: "pa.Table", name: str) -> np.ndarray:
     column = table.column(name)
     if name in ("teacher_label", "oracle_label"):
-        column = column.cast(pa.float64())  # nulls become NaN below
+        column = column.cast("float64")  # nulls become NaN below
     elif column.null_count:
         raise InvalidLabels(f"Column {name} has {column.null_count} nulls; it may have none.")
     return column.to_numpy()

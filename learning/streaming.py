@@ -10,7 +10,6 @@ from torch import Tensor
 
 from steerlab.learning.certainty import Calibrated
 from steerlab.learning.errors import InvalidLabels
-from steerlab.learning.kernels.one_window import OneWindow
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.mind_meld import MindMeld
 from steerlab.learning.presets import LAB, MapperConfig
@@ -94,6 +93,8 @@ class LabelStream:
     def __init__(
         self, network: MindMeld, window: WindowConfig, embedding: Tensor, rate_hz: float
     ) -> None:
+        from steerlab.learning.kernels.one_window import OneWindow
+
         if not (np.isfinite(rate_hz) and rate_hz > 0.0):
             raise InvalidLabels(f"rate_hz is {rate_hz}; it must be positive.")
         self._network = OneWindow(network, embedding)

@@ -11,9 +11,6 @@ from torch.nn.functional import huber_loss
 
 from steerlab.learning.adam import Adam
 from steerlab.learning.errors import InvalidLabels
-from steerlab.learning.kernels.heads import Loss
-from steerlab.learning.kernels.step import Batch, BatchGradient
-from steerlab.learning.kernels.weights import pack, unpack
 from steerlab.learning.mind_meld import MindMeld, NetworkConfig
 from steerlab.learning.windows import Windows
 from steerlab.sim.errors import InvalidConfig
@@ -174,6 +171,10 @@ def train(
     Raises:
         InvalidLabels: someone has no valid window.
     """
+    from steerlab.learning.kernels.heads import Loss
+    from steerlab.learning.kernels.step import Batch, BatchGradient
+    from steerlab.learning.kernels.weights import pack, unpack
+
     rows = torch.nonzero(windows.valid).squeeze(1)
     counts = torch.bincount(windows.person[rows], minlength=len(windows.people))
     for person, count in zip(windows.people, counts.tolist(), strict=True):

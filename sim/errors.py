@@ -13,6 +13,10 @@ class InvalidWorld(SteerlabError, ValueError):
     """A world breaks its own rules: a ball inside a block, a start outside the ground, ..."""
 
 
+class MissingPackage(SteerlabError, ImportError):
+    """An optional package, which this part of steerlab needs, is not installed."""
+
+
 class NoPath(SteerlabError):
     """No forward-drivable path leads from a pose to the ball.
 

@@ -5,7 +5,6 @@ from hashlib import sha256
 from math import exp, isfinite
 
 import numpy as np
-from scipy.signal import lfilter
 
 from steerlab.sim.errors import InvalidConfig, SteerlabError
 from steerlab.sim.rollout import FloatArray, Rollout
@@ -184,6 +183,8 @@ def _lag(signal: FloatArray, lag_s: float, step_s: float) -> FloatArray:
     """
     if lag_s == 0.0:
         return signal.copy()
+    from scipy.signal import lfilter
+
     decay = exp(-step_s / lag_s)
     now = 1.0 - (1.0 - decay) * lag_s / step_s
     before = 1.0 - decay - now
@@ -199,6 +200,8 @@ def _coloured_noise(
     white = rng.standard_normal(steps)
     if correlation_s == 0.0:
         return white
+    from scipy.signal import lfilter
+
     decay = exp(-step_s / correlation_s)
     innovations = white * np.sqrt(1.0 - decay**2)
     innovations[0] = white[0]

@@ -1,13 +1,12 @@
 """Labels as Parquet shards: what population runs write, and every learner and analysis reads."""
 
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from steerlab.sim.files import whole_file
 from steerlab.sim.records import LABELLED_STEP_SCHEMA, SCHEMA_VERSION, InvalidRecord
 
 ROWS_PER_GROUP = 65_536
@@ -25,26 +24,14 @@ def write_shard(table: pa.Table, path: Path) -> None:
     if path.suffix != ".parquet":
         raise InvalidRecord(f"{path} would not be read back; name it {path.stem}.parquet.")
     labels = check_labels(table, path.name).combine_chunks()
-    part: Path | None = None
     try:
-        # The name does not end in .parquet: a part left by a killed run is never read.
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=".part", dir=path.parent)
-        part = Path(name)
-        with os.fdopen(handle, "wb") as sink:
-            os.fchmod(sink.fileno(), 0o644)  # mkstemp gives 0600, which a lab could not share
-            pq.write_table(labels, sink, compression="zstd", row_group_size=ROWS_PER_GROUP)
-            sink.flush()
-            os.fsync(sink.fileno())
-        part.replace(path)
-        _sync_folder(path.parent)
+        with whole_file(path) as part:  # it does not end in .parquet: read_shards never sees it
+            pq.write_table(labels, part, compression="zstd", row_group_size=ROWS_PER_GROUP)
     except OSError as error:
         raise InvalidRecord(
             f"Cannot write {path}: {error.strerror or error}. Check that the folder exists, is "
             f"writable and has room."
         ) from error
-    finally:
-        if part is not None:
-            part.unlink(missing_ok=True)
 
 
 def read_shards(folder: Path) -> pa.Table:
@@ -135,12 +122,3 @@ def _attempts(shard: pa.Table) -> list[tuple[str, str, int]]:
     keys = ["participant", "rollout", "attempt"]
     distinct = shard.group_by(keys, use_threads=False).aggregate([])
     return list(zip(*(distinct.column(key).to_pylist() for key in keys), strict=True))
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the rename itself durable."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

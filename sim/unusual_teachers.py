@@ -10,7 +10,6 @@ from math import exp, pi, sqrt
 from typing import Literal, get_args
 
 import numpy as np
-from scipy.signal import lfilter
 
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.populations import PopulationKind, sample_population
@@ -67,6 +66,8 @@ class UnderdampedHand:
 
     def __call__(self, stimulus: FloatArray, step_s: float, rng: np.random.Generator) -> FloatArray:
         """Exact for a stimulus held over each step; starts settled."""
+        from scipy.signal import lfilter
+
         decay = exp(-2.0 * pi * self.natural_hz * self.damping * step_s)
         swing = 2.0 * pi * self.natural_hz * sqrt(1.0 - self.damping**2) * step_s
         ratio = self.damping / sqrt(1.0 - self.damping**2)

@@ -2,19 +2,43 @@
 
 import os
 import shutil
+import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
 from steerlab.sim.errors import NoRenderer
-from steerlab.teleop.provenance import cpu_model, versions
+from steerlab.teleop.machine import available_cores, cpu_model
+from steerlab.teleop.provenance import versions
 
 MIN_FREE_GB = 2.0
 MAX_FRAME_MS = 16.0  # one display frame at 60 Hz
 MIN_PYTHON = (3, 11)
+_DRAW_AND_TRAIN = """
+from steerlab.sim.engine.camera import Camera
+from steerlab.sim.engine.driving import Driving
+from steerlab.sim.errors import NoRenderer
+from steerlab.sim.tasks import make_task
+
+def draw():
+    try:
+        with Driving(make_task("easy").world) as driving, Camera(driving.model, driving.data):
+            pass
+    except NoRenderer:  # said by another line
+        pass
+
+draw()
+import torch
+weight = torch.nn.Parameter(torch.ones(1))
+weight.sum().backward()
+torch.optim.Adam([weight]).step()
+draw()
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +52,8 @@ class Finding:
 
 
 def examine(folder: Path) -> list[Finding]:
-    """Look at Python, processor, disk (of ``folder``), versions, OpenGL and the physics."""
-    return [_python(), _processor(), _disk(folder), *_versions(), *_camera()]
+    """Python, processor, disk (of ``folder``), versions, OpenGL, physics, and drawing beside PyTorch."""
+    return [_python(), _processor(), _disk(folder), *_versions(), *_camera(), _training()]
 
 
 def _python() -> Finding:
@@ -39,8 +63,8 @@ def _python() -> Finding:
 
 
 def _processor() -> Finding:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    ok = (cores or 1) >= 2
+    cores = available_cores()
+    ok = cores >= 2
     mend = "" if ok else "Give it two cores: the loop and the drawing each want one."
     return Finding(what="Processor", found=f"{cores} cores, {cpu_model()}", ok=ok, mend=mend)
 
@@ -91,6 +115,23 @@ def _camera() -> list[Finding]:
         *findings,
         Finding(what="Physics", found=f"{step_us:.0f} µs per control step", ok=True),
     ]
+
+
+def _training() -> Finding:
+    """PyTorch's Triton and Mesa's drivers can kill the process they share (``triton_order``)."""
+    what, brought = "Drawing, training", "without Triton"
+    with suppress(PackageNotFoundError):
+        brought = f"with Triton {version('triton')}"
+    done = subprocess.run([sys.executable, "-c", _DRAW_AND_TRAIN], capture_output=True, text=True)
+    if done.returncode == 0:
+        return Finding(what=what, found=f"in one process, {brought}", ok=True)
+    said = done.stderr.strip().rpartition("\n")[2] or f"it ended with {done.returncode}"
+    return Finding(
+        what=what,
+        found=f"not in one process, {brought}: {said}",
+        ok=False,
+        mend="Install PyTorch's CPU build (make TORCH=cpu), or uninstall triton.",
+    )
 
 
 def _ms_per_call(call, calls: int = 60) -> float:

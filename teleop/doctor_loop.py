@@ -119,7 +119,8 @@ def loop_findings(check: LoopCheck, drawn: str) -> list[Finding]:
         )
     else:
         findings.append(Finding(what="Display", found="none here, so nothing was drawn", ok=True))
-    findings.append(Finding(what="Load", found=f"{check.load:.2f} over the last minute", ok=True))
+    load = "not told here" if check.load is None else f"{check.load:.2f} over the last minute"
+    findings.append(Finding(what="Load", found=load, ok=True))
     return findings
 
 

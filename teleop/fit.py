@@ -114,8 +114,8 @@ def fit(
         summary = summarise(result, table, config.seed, seconds)
         facts = _facts(labels.name, table, plan, result, config)
         page = render_fit_report(compose_report(result, summary, facts, command))
-        (folder / "report" / "index.html").write_text(page)
-        (folder / "summary.json").write_text(summary.to_json())
+        (folder / "report" / "index.html").write_text(page, encoding="utf-8")
+        (folder / "summary.json").write_text(summary.to_json(), encoding="utf-8")
         progress("writing the report", 1.0)
     return summary
 

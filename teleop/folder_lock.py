@@ -1,11 +1,12 @@
 """One program at a time: a lock on a study's folder that ends with the program that holds it."""
 
-import fcntl
 import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from steerlab.sim.errors import SteerlabError
 
@@ -33,31 +34,50 @@ class FolderLock:
 
 @contextmanager
 def locked(folder: Path, name: str, what: str) -> Generator[FolderLock]:
-    """Hold the lock ``name`` of an existing folder.
+    """Hold the lock ``name`` of an existing folder; taken twice in one process it is refused too.
 
     The system lets go of it when the process ends, however it ends: a lock of a dead process is
-    simply taken over. The process id in the file is for whoever is refused.
+    simply taken over. The process id in the file beside it is for whoever is refused.
 
     Args:
         what: what the holder does there, such as ``records into``.
 
     Raises:
-        LockedOut: another process holds it.
-        OSError: the file cannot be made.
+        LockedOut: another process holds it, or this one.
+        OSError: there is no such folder, the file cannot be made, or its file system has no locks.
     """
-    with (folder / name).open("a+") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            file.seek(0)
-            said = file.read().strip()
-            pid = int(said) if said.isdecimal() else None
-            who = f": process {pid}" if pid is not None else ""
-            raise LockedOut(
-                f"Another program {what} {folder} already{who}. Close it, or wait until it is done.",
-                pid,
-            ) from None
-        file.truncate(0)
-        file.write(f"{os.getpid()}\n")
-        file.flush()
+    folder.stat()  # FileLock would make a folder that is missing
+    # Without fallback_to_soft=False a file system that has no locks would get a file that outlives
+    # a crash. A context of the thread's own could not be left in another one, as an ExitStack may.
+    lock = FileLock(folder / name, blocking=False, fallback_to_soft=False, thread_local=False)
+    holder = folder / holder_name(name)
+    try:
+        lock.acquire()
+    except Timeout:
+        pid = _said(holder)
+        who = f": process {pid}" if pid is not None else ""
+        raise LockedOut(
+            f"Another program {what} {folder} already{who}. Close it, or wait until it is done.",
+            pid,
+        ) from None
+    try:
+        holder.write_text(f"{os.getpid()}\n", encoding="utf-8")
         yield FolderLock(folder, name)
+    finally:
+        lock.release()
+
+
+def holder_name(name: str) -> str:
+    """The file beside a lock in which its holder leaves its process id: ``run.pid``.
+
+    Not the lock's own file, which nobody else can read on Windows while it is locked.
+    """
+    return f"{name.removesuffix('.lock')}.pid"
+
+
+def _said(holder: Path) -> int | None:
+    try:
+        said = holder.read_text(encoding="utf-8").strip()
+    except FileNotFoundError:  # it has only just taken the lock
+        return None
+    return int(said) if said.isdecimal() else None

@@ -1,6 +1,5 @@
 """How well does this machine keep time? The whole loop, driven by a wheel that needs no hardware."""
 
-import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from math import pi, sin
@@ -29,6 +28,7 @@ from steerlab.teleop.drives.contract import Drive
 from steerlab.teleop.drives.replay import Replay
 from steerlab.teleop.gates import FailedGate, GateConfig, LoopHealth, failed_gates
 from steerlab.teleop.loop import run_drive
+from steerlab.teleop.machine import load_average
 from steerlab.teleop.pacing import NS_PER_S, PacingConfig, WallClock, no_garbage_collection
 from steerlab.teleop.screen.contract import DriveView, Screen
 from steerlab.teleop.sdl import SdlEvents
@@ -49,7 +49,7 @@ class LoopCheck:
         expected_steps: control steps that were due; ``health.steps`` were taken.
         input_p50_ms, input_p99_ms: from the wheel's motion until the loop's sample had it.
         keep_p50_us, keep_p99_us: handing one step to the recorder, on the loop's thread.
-        load: the machine's load average over the last minute.
+        load: the machine's load average over the last minute; None where the system keeps none.
     """
 
     health: LoopHealth
@@ -58,7 +58,7 @@ class LoopCheck:
     input_p99_ms: float
     keep_p50_us: float
     keep_p99_us: float
-    load: float
+    load: float | None
     failed: tuple[FailedGate, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -168,7 +168,7 @@ def check_loop(
         input_p99_ms=float(input_p99),
         keep_p50_us=float(keep_p50),
         keep_p99_us=float(keep_p99),
-        load=os.getloadavg()[0],
+        load=load_average(),
         failed=tuple(failed_gates(health, GateConfig())),
     )
 

@@ -24,9 +24,10 @@ from steerlab.analysis.study_data.networks import Progress
 from steerlab.analysis.study_tables.conditions import outcome_table
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.rollout import FloatArray
+from steerlab.teleop.kept_files import write_json
+from steerlab.teleop.machine import worker_count
 from steerlab.teleop.output_folder import OutputError
 from steerlab.teleop.provenance import versions
-from steerlab.teleop.teach_shards import write_json
 
 RUN_FILE, BLOCKS, SCHEMA = "power.json", "blocks", 1
 Taught = tuple[tuple[str, ...], FloatArray]
@@ -157,7 +158,9 @@ def _run(
             write_json(run_block(design, *one, drawn), _block_path(out, *one))
             done(place)
         return
-    pool = ProcessPoolExecutor(max_workers=min(jobs, len(missing)), mp_context=get_context("spawn"))
+    pool = ProcessPoolExecutor(
+        max_workers=worker_count(jobs, len(missing)), mp_context=get_context("spawn")
+    )
     try:
         waiting = {pool.submit(run_block, design, *one, drawn): one for one in missing}
         for place, future in enumerate(as_completed(waiting), start=1):

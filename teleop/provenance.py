@@ -2,9 +2,10 @@
 
 import platform
 from importlib.metadata import version
-from pathlib import Path
 
-PACKAGES = ("steerlab", "mujoco", "dm-control", "numba", "numpy", "pyarrow", "scipy", "torch")
+from steerlab.teleop.machine import cpu_model
+
+PACKAGES = ("steerlab", "mujoco", "numba", "numpy", "pyarrow", "scipy", "torch")
 
 
 def versions() -> dict[str, str]:
@@ -15,13 +16,3 @@ def versions() -> dict[str, str]:
         "platform": platform.platform(),
         "cpu": cpu_model(),
     }
-
-
-def cpu_model() -> str:
-    """The processor's name as the system gives it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:  # not Linux
-        return platform.processor() or platform.machine()
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()

@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from steerlab.analysis.recording.errors import RecordingUnavailable
 from steerlab.analysis.recording.layout import FloatArray
@@ -14,9 +15,11 @@ from steerlab.analysis.recording.rebuild import Progress, rebuild_recording
 from steerlab.analysis.recording.viewer import open_in_viewer, screenshot
 from steerlab.sim.errors import NoPath, NoRenderer
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.ground_truth import Planner
 from steerlab.sim.store_records import Attempt
 from steerlab.sim.world import WorldSpec
+
+if TYPE_CHECKING:
+    from steerlab.sim.ground_truth import Planner
 
 PICTURE_PX = (480, 270)
 PLANNER_SEED = 0
@@ -115,5 +118,7 @@ def oracle_path(world: WorldSpec, start: Pose2D) -> FloatArray | None:
 
 
 @lru_cache(maxsize=2)
-def _planner(world: WorldSpec) -> Planner:
+def _planner(world: WorldSpec) -> "Planner":
+    from steerlab.sim.ground_truth import Planner
+
     return Planner(world, seed=PLANNER_SEED)

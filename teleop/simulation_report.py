@@ -55,7 +55,7 @@ def camera_frame(rollout: Rollout, step: int) -> NDArray[np.uint8]:
     """What the teacher saw at ``step``, (height, width, 3) RGB.
 
     Raises:
-        NoRenderer: this machine cannot draw; it is asked before anything long starts.
+        NoRenderer: this machine cannot draw.
     """
     with Driving(rollout.world) as driving:
         driving.restore(rollout.physics_state[step])
@@ -77,9 +77,9 @@ def shown_rollout(result_rollouts: tuple[Rollout, ...]) -> Rollout:
 
 
 def compose_report(
-    result: PopulationResult, summary: Summary, frame: NDArray[np.uint8], command: str
+    result: PopulationResult, summary: Summary, frame: NDArray[np.uint8] | None, command: str
 ) -> SimulationReport:
-    """The report of a run; ``frame`` is the camera's picture of the drive figure."""
+    """The report of a run; ``frame`` is the camera's picture of the drive figure, if there is one."""
     rollout = shown_rollout(result.rollouts)
     planner = Planner(rollout.world, seed=result.config.seed)
     moments = [frame_step(rollout), (5 * rollout.steps) // 8]
@@ -109,7 +109,7 @@ def compose_report(
             duration_s=float(rollout.t_s[-1]),
             outcome=str(rollout.outcome),
             oracle_moments_s=tuple(times),
-            camera_t_s=times[0],
+            camera_t_s=None if frame is None else times[0],
         ),
         labels=labels_caption,
         figures=ReportFigures(

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 from steerlab.analysis.study_data.networks import Progress, embeddings_of, judge, network_for
 from steerlab.analysis.study_data.records import Embeddings, HeldOut, Person
-from steerlab.learning.presets import preset
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.splits import split_rollouts, split_study
 from steerlab.sim.errors import SteerlabError
@@ -39,9 +38,13 @@ def study_networks(
     present = {one.rollout for one in series}
     rollouts = [name for name in protocol.rollouts if name in present]
     rollouts += sorted(present - set(rollouts))
-    if networks and (why := _untrainable(training, rollouts)):
+    if not networks:
+        return embeddings, held_out
+    if why := _untrainable(training, rollouts):
         notices.append(f"No network was trained for the analysis: {why}.")
         return embeddings, held_out
+    from steerlab.learning.presets import preset
+
     config = preset(protocol.mapper.preset)
     if protocol.mapper.epochs is not None:
         config = replace(config, training=replace(config.training, epochs=protocol.mapper.epochs))

@@ -50,8 +50,8 @@ def synthetic(
         # The page shows its own numbers, so the clock stops before it is drawn.
         summary = summarise(result, result.seconds | {"before_report": perf_counter() - started})
         page = render_synthetic_report(compose_report(result, summary, command))
-        (folder / "report" / "index.html").write_text(page)
-        (folder / "summary.json").write_text(summary.to_json())
+        (folder / "report" / "index.html").write_text(page, encoding="utf-8")
+        (folder / "summary.json").write_text(summary.to_json(), encoding="utf-8")
         progress("writing the report", 1.0)
     return summary
 

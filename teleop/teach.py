@@ -9,12 +9,13 @@ from typing import Any
 
 from steerlab.analysis.teach_report import TeachReport, render_teach_report
 from steerlab.analysis.teach_summary import summarise
+from steerlab.teleop.kept_files import write_json, write_text
 from steerlab.teleop.output_folder import OutputError
 from steerlab.teleop.provenance import versions
 from steerlab.teleop.teach_config import TeachConfig
 from steerlab.teleop.teach_people import given_mapper, prepare
 from steerlab.teleop.teach_recordings import FOLDER, write_recordings
-from steerlab.teleop.teach_shards import part_of, read_shard, shard_path, write_json, write_text
+from steerlab.teleop.teach_shards import part_of, read_shard, shard_path
 from steerlab.teleop.teach_units import missing_units, run_units
 
 Progress = Callable[[str, float], None]

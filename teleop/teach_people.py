@@ -19,9 +19,9 @@ from steerlab.sim.rollout import Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherStyle
 from steerlab.sim.unusual_teachers import UnusualTeacher
 from steerlab.sim.wide_population import sample_wide
+from steerlab.teleop.kept_files import keeping
 from steerlab.teleop.loop import label_rollout
 from steerlab.teleop.teach_config import TeachConfig
-from steerlab.teleop.teach_shards import keeping
 
 Person = ScriptedTeacher | UnusualTeacher
 Progress = Callable[[str, float], None]

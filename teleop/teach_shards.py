@@ -1,66 +1,26 @@
 """One file a teacher, written whole or not at all, so that an interrupted run goes on."""
 
 import json
-import os
 from base64 import b64encode
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from PIL import Image
-from safetensors import SafetensorError
 
 from steerlab.learning.agents import Episode, RoundResult, Stage
 from steerlab.learning.policy import PolicyNetwork, save_policy
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.world import REACH_M
+from steerlab.teleop.kept_files import keeping
 from steerlab.teleop.output_folder import OutputError
 
 SHARD_SCHEMA = 2  # 2: by learner seed, so that seeds can be added
 SHOWN_FRAMES = 6
 _PATH_EVERY = 10  # control steps between the points of a drawn path
 _DIGITS = 4
-
-
-def write_json(values: object, path: Path, *, indent: int | None = 1) -> None:
-    """Write plain values; see ``write_text``."""
-    write_text(json.dumps(values, ensure_ascii=False, allow_nan=False, indent=indent) + "\n", path)
-
-
-def write_text(text: str, path: Path) -> None:
-    """Write beside, then rename: a reader never sees half a file.
-
-    Raises:
-        OutputError: there is no room, or nothing may be written; what was finished is kept.
-    """
-    with keeping(path) as fresh, fresh.open("w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-
-
-@contextmanager
-def keeping(path: Path) -> Iterator[Path]:
-    """A file beside ``path`` to write to; it becomes ``path`` if the block ends well.
-
-    Raises:
-        OutputError: it cannot be written; ``path`` is as it was.
-    """
-    fresh = path.with_name(f".{path.name}.part")
-    try:
-        yield fresh
-        fresh.replace(path)
-    except (OSError, SafetensorError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise OutputError(
-            f"Cannot write {path}: {why}. What was finished is kept; make room and give the same "
-            "command again to go on."
-        ) from error
-    finally:
-        fresh.unlink(missing_ok=True)
 
 
 def keep_policies(networks: Sequence[PolicyNetwork], folder: Path, learner: str) -> None:

@@ -11,6 +11,8 @@ from typing import Any
 from steerlab.sim.engine.gl import draw_without_threads
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.unusual_teachers import UnusualTeacher
+from steerlab.teleop.kept_files import write_json
+from steerlab.teleop.machine import worker_count
 from steerlab.teleop.teach_config import TeachConfig
 from steerlab.teleop.teach_people import Person, Prepared
 from steerlab.teleop.teach_shards import (
@@ -18,7 +20,6 @@ from steerlab.teleop.teach_shards import (
     missing,
     read_shard,
     shard_path,
-    write_json,
 )
 from steerlab.teleop.teach_worker import Taught, Unit, Workshop, open_workshop, run_unit
 
@@ -64,7 +65,7 @@ def run_units(
     progress("teaching", 0.0)
     draw_without_threads()  # the processes inherit it; here MuJoCo may have been imported
     pool = ProcessPoolExecutor(
-        max_workers=min(jobs, len(units)),
+        max_workers=worker_count(jobs, len(units)),
         mp_context=get_context("spawn"),  # a fork would share torch's and OpenGL's state
         initializer=open_workshop,
         initargs=(config, prepared.mappers, out),

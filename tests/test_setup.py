@@ -1,8 +1,10 @@
 """The set-up promise, as far as it can be tried without installing anything."""
 
 import os
+import re
 import shutil
 import subprocess
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -13,8 +15,9 @@ TOP = Path(__file__).parents[1]
 @pytest.fixture
 def bare_copy(tmp_path):
     """What set-up needs of the repository, without an environment."""
-    (tmp_path / "tools").mkdir()
-    for name in ("tools/setup.sh", "Makefile", "pyproject.toml", "constraints.txt"):
+    for name in ("tools", "requirements"):
+        shutil.copytree(TOP / name, tmp_path / name)
+    for name in ("Makefile", "pyproject.toml", "setup.py"):
         shutil.copy(TOP / name, tmp_path / name)
     return tmp_path
 
@@ -73,20 +76,37 @@ def test_without_permission_the_exact_command_is_said(bare_copy):
     assert "should not run" not in done.stderr
 
 
-def test_constraints_pin_every_dependency():
-    import tomllib
+def _pinned(name: str) -> dict[str, str]:
+    """Name to what follows it on its line, of a list in ``requirements``."""
+    lines = (TOP / "requirements" / f"{name}.txt").read_text(encoding="utf-8").splitlines()
+    pins = [line for line in lines if line[:1].isalnum()]
+    assert all("==" in line for line in pins)
+    return {line.split("==")[0]: line.split("==")[1] for line in pins}
 
-    project = tomllib.loads((TOP / "pyproject.toml").read_text())["project"]
-    wanted = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
-    pinned = {
-        line.split("==")[0].lower().replace("_", "-")
-        for line in (TOP / "constraints.txt").read_text().splitlines()
-        if "==" in line
-    }
-    names = {line.split(">")[0].split("=")[0].strip().lower() for line in wanted}
-    assert names <= pinned
+
+def _names(wanted: list[str]) -> set[str]:
+    return {re.split(r"[<>=;\[ ]", line)[0].lower() for line in wanted}
+
+
+def test_every_dependency_is_pinned_with_its_hashes():
+    project = tomllib.loads((TOP / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    run, dev, torch = _pinned("run"), _pinned("dev"), _pinned("torch")
+    assert _names(project["dependencies"]) <= set(run) | set(torch)
+    assert _names(project["optional-dependencies"]["dev"]) - {"steerlab"} <= set(dev)
+    assert run.items() <= dev.items()
+    for name in ("run", "dev", "uv"):
+        text = (TOP / "requirements" / f"{name}.txt").read_text(encoding="utf-8")
+        packages = re.split(r"\n(?=[a-z0-9])", text.strip())
+        assert all("--hash=sha256:" in package for package in packages)
+        assert "://" not in text  # no place that some cannot reach
+
+
+def test_nobody_gets_the_packages_of_nvidia_s_cards_from_the_lists():
+    brought = ("nvidia-", "cuda-", "torch")
+    assert not [name for name in {**_pinned("run"), **_pinned("dev")} if name.startswith(brought)]
+    assert "triton" not in _pinned("run")
 
 
 def test_scripts_are_executable():
-    for name in ("tools/setup.sh", "tools/try-wheel.sh", ".ci/run"):
+    for name in ("tools/setup.sh", "tools/lock.sh", "tools/try-wheel.sh", ".ci/run"):
         assert os.access(TOP / name, os.X_OK)

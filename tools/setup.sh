@@ -39,12 +39,7 @@ if [ ! -x .venv/bin/pip ]; then
   "$python" -m venv .venv
 fi
 
-extras=""
-[ "$kind" = dev ] && extras="[dev]"
-echo "Installing steerlab$extras into .venv (a few minutes the first time)"
-.venv/bin/python -m pip install --quiet --disable-pip-version-check \
-  --constraint constraints.txt --editable ".$extras" ||
-  die "Installing failed; see above. Check the network and the disk (2 GB), then run make again."
+.venv/bin/python tools/install.py "$kind" || exit 2
 
 gl_works() { .venv/bin/python -c 'from steerlab.sim.engine.gl import choose_gl; raise SystemExit(choose_gl() is None)'; }
 if ! gl_works; then

@@ -17,6 +17,7 @@ from steerlab.analysis.recording.executable import rerun_executable
 from steerlab.analysis.recording.layout import FloatArray
 from steerlab.analysis.recording.pictures import OpenView, jpegs, shown_steps
 from steerlab.analysis.recording.scene import log_end, log_world
+from steerlab.analysis.recording.whole_recording import whole_recording
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.store import StudyStore
 from steerlab.sim.store_records import Attempt, StoredRollout
@@ -156,33 +157,28 @@ def write_recording(
     """
     attempt, world, start = data.attempt, data.rollout.world, data.start
     stream = new_stream(data.rollout, attempt.participant, attempt.attempt)
-    part = out.with_name(f".{out.name}.part")
+    shown_as = blueprint(world, start, pictures=open_view is not None)
     try:
-        stream.save(part, default_blueprint=blueprint(world, start, pictures=open_view is not None))
-        stream.send_recording_name(layout.recording_name(*attempt.key))
-        log_world(stream, world, start)
-        log = DriveLog(stream, data.rollout.control_hz)
-        log.steps(data.steps, data.times)
-        log.events(data.events)
-        log_end(stream, data, oracle_path and oracle_path(world, start))
-        if open_view is not None and data.steps:
-            with open_view(world) as view:
-                shown = shown_steps(data.steps, data.rollout.control_hz)
-                log.pictures(shown, jpegs(view, shown))
-        stream.flush()
-        stream.disconnect()
-        part.replace(out)
+        with whole_recording(stream, out, shown_as):
+            stream.send_recording_name(layout.recording_name(*attempt.key))
+            log_world(stream, world, start)
+            log = DriveLog(stream, data.rollout.control_hz)
+            log.steps(data.steps, data.times)
+            log.events(data.events)
+            log_end(stream, data, oracle_path and oracle_path(world, start))
+            if open_view is not None and data.steps:
+                with open_view(world) as view:
+                    shown = shown_steps(data.steps, data.rollout.control_hz)
+                    log.pictures(shown, jpegs(view, shown))
     except RuntimeError as error:  # what Rerun raises when a write fails
         raise OSError(f"{error}") from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _join(files: Sequence[Path], out: Path) -> Path:
     if len(files) == 1:
         return files[0]
     command = [str(rerun_executable()), "rrd", "merge", *map(str, files), "-o", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
     if done.returncode != 0 or not out.is_file():
         raise RecordingUnavailable(f"Cannot join {len(files)} recordings: {done.stderr.strip()}.")
     return out

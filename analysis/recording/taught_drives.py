@@ -14,6 +14,7 @@ from steerlab.analysis.recording import layout
 from steerlab.analysis.recording.errors import RecordingUnavailable
 from steerlab.analysis.recording.layout import FloatArray
 from steerlab.analysis.recording.scene import log_world
+from steerlab.analysis.recording.whole_recording import whole_recording
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import WorldSpec
 
@@ -55,25 +56,19 @@ def write_taught_drives(drives: TaughtDrives, out: Path) -> None:
     )
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
-    part = out.with_name(f".{out.name}.part")
     try:
-        stream.save(part, default_blueprint=_blueprint(drives))
-        stream.send_recording_name(f"{drives.teacher} · {drives.world.name}")
-        log_world(stream, drives.world, drives.world.start)
-        text = rr.TextDocument(drives.about, media_type=rr.MediaType.MARKDOWN)
-        stream.log(layout.ABOUT, text, static=True, strict=True)
-        offsets_s = _offsets(list(drives.conditions.values()))
-        for name, colour in _colours(list(drives.conditions)).items():
-            _log_learner(stream, name, drives.conditions[name], colour, offsets_s)
-        stream.flush()
-        stream.disconnect()
-        part.replace(out)
+        with whole_recording(stream, out, _blueprint(drives)):
+            stream.send_recording_name(f"{drives.teacher} · {drives.world.name}")
+            log_world(stream, drives.world, drives.world.start)
+            text = rr.TextDocument(drives.about, media_type=rr.MediaType.MARKDOWN)
+            stream.log(layout.ABOUT, text, static=True, strict=True)
+            offsets_s = _offsets(list(drives.conditions.values()))
+            for name, colour in _colours(list(drives.conditions)).items():
+                _log_learner(stream, name, drives.conditions[name], colour, offsets_s)
     except (OSError, RuntimeError) as error:  # the second is what Rerun raises
         raise RecordingUnavailable(
             f"Cannot write {out}: {error}. Make room and give the same command again."
         ) from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def drive_poses(path_m: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -11,6 +11,7 @@ from time import monotonic, sleep
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from steerlab.analysis.own_process import apart_from_terminal
 from steerlab.analysis.recording import layout
 from steerlab.analysis.recording.errors import RecordingUnavailable
 from steerlab.analysis.recording.executable import rerun_executable
@@ -61,7 +62,7 @@ class ViewerProcess:
                 stdout=self._words,
                 stderr=self._words,
                 env={**os.environ, "RERUN_APP_ONLY": "true", "NO_COLOR": "1"},
-                start_new_session=True,  # Ctrl-C in the terminal is not for it
+                **apart_from_terminal(),
             )
         except OSError as error:
             self._words.close()

@@ -11,7 +11,6 @@ from steerlab.analysis.study_data.errors import NotAStudy
 from steerlab.analysis.study_data.networks import Progress, embeddings_of, judge, network_for
 from steerlab.analysis.study_data.records import Embeddings, HeldOut, Person, StudyData
 from steerlab.analysis.summary import Summary
-from steerlab.learning.checkpoint import load_mapper
 from steerlab.learning.series import LabelSeries, series_from_table
 from steerlab.learning.splits import split_rollouts, split_study
 from steerlab.sim.errors import InvalidConfig
@@ -32,6 +31,8 @@ def read_population(folder: Path, *, networks: int, progress: Progress) -> Study
         NotAStudy: a file is missing or damaged.
         SteerlabError: the labels or the model cannot be read.
     """
+    from steerlab.learning.checkpoint import load_mapper
+
     if networks < 1:
         raise InvalidConfig(f"seeds is {networks}; give 1 or more.")
     try:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from steerlab.sim.rollout import BoolArray, FloatArray
 
@@ -27,6 +26,8 @@ class Novelty:
     def __init__(
         self, drives: Sequence[FloatArray], known: Sequence[BoolArray] | None = None
     ) -> None:
+        from scipy.spatial import KDTree
+
         rows = np.concatenate(list(drives))
         counts = np.concatenate(list(known)) if known is not None else np.ones(len(rows), bool)
         self._scale = rows.std(axis=0) + 1e-3

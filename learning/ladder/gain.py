@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from steerlab.learning.errors import InvalidLabels, NotFitted
-from steerlab.learning.ladder.people import by_person, of_person
+from steerlab.learning.people import by_person, of_person
 from steerlab.learning.series import LabelSeries
 from steerlab.sim.rollout import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT

@@ -6,8 +6,8 @@ from math import pi
 import numpy as np
 
 from steerlab.learning.empirical_bayes.grid import RATE_HZ, GridSeries
-from steerlab.learning.ladder.people import by_person
 from steerlab.learning.ladder.rungs import CEILING, FULL_ONLY
+from steerlab.learning.people import by_person
 from steerlab.learning.presets import PAPER, MapperConfig
 from steerlab.learning.series import CONTEXT, LabelSeries
 from steerlab.learning.splits import StudySplit

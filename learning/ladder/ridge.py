@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from steerlab.learning.errors import InvalidLabels, NotFitted
-from steerlab.learning.ladder.people import by_person, of_person
+from steerlab.learning.people import by_person, of_person
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.windows import WindowConfig, make_windows
 from steerlab.sim.rollout import FloatArray

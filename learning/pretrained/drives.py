@@ -1,16 +1,16 @@
 """Drives to pre-train on: other worlds and other starts than the calibration set's, made by seed."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from steerlab.learning.pretrained.drive import Drive
 from steerlab.sim.calibration_generator import STYLES_BY_WORLD, WORLDS, CalibrationRules
 from steerlab.sim.engine.driving import Driving
 from steerlab.sim.errors import InvalidConfig, NoPath
 from steerlab.sim.ground_truth import Planner, sample_starts
 from steerlab.sim.recorder import record_rollout
-from steerlab.sim.rollout import FloatArray, Rollout
 from steerlab.sim.wizard import Wizard, WizardStyle
 from steerlab.sim.world_generator import generate_world
 
@@ -27,37 +27,6 @@ RULES = CalibrationRules(
     min_each_side=0.08,
     min_mean_error=0.2,
 )
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Drive:
-    """The truth of a rollout and the car's own motion.
-
-    Attributes:
-        truth: (steps,) oracle labels, all valid.
-        motion: (steps, 3) yaw_rate_radps, speed_mps, robot_wheel, as ``series.CONTEXT``.
-    """
-
-    truth: FloatArray
-    motion: FloatArray
-
-    @classmethod
-    def from_rollout(cls, rollout: Rollout) -> "Drive":
-        """What a mapper may know of a rollout.
-
-        Raises:
-            InvalidConfig: a step has no oracle label.
-        """
-        if not rollout.oracle_valid.all():
-            raise InvalidConfig(f"Rollout {rollout.name!r} has steps without a label; drop it.")
-        motion = np.column_stack(
-            [rollout.velocity[:, 2], rollout.velocity[:, 0], rollout.robot_wheel]
-        )
-        return cls(truth=rollout.oracle_label, motion=motion)
-
-    def mirrored(self) -> "Drive":
-        """Left and right exchanged; speed keeps its sign."""
-        return Drive(truth=-self.truth, motion=self.motion * np.array([-1.0, 1.0, -1.0]))
 
 
 def generate_drives(

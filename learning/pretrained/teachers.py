@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from steerlab.learning.pretrained.drives import Drive
+from steerlab.learning.pretrained.drive import Drive
 from steerlab.sim.rollout import BoolArray, FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 

@@ -16,7 +16,8 @@ import numpy as np
 import torch
 
 from steerlab.learning.empirical_bayes.grid import RATE_HZ
-from steerlab.learning.pretrained.drives import Drive, generate_drives
+from steerlab.learning.pretrained.drive import Drive
+from steerlab.learning.pretrained.drives import generate_drives
 from steerlab.learning.pretrained.model import (
     Alignment,
     PretrainedModel,

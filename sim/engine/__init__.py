@@ -1,5 +1,7 @@
-"""Everything that touches MuJoCo. The OpenGL back end is chosen here, before MuJoCo's import."""
+"""Everything that touches MuJoCo. What must precede its import happens here, in this order."""
 
 from steerlab.sim.engine.gl import choose_gl
+from steerlab.sim.engine.triton_order import settle_triton
 
+settle_triton()
 choose_gl()

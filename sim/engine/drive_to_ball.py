@@ -1,23 +1,86 @@
-"""``DriveToBall``: the paper's task as a dm_control composer task and a ``dm_env`` environment."""
+"""``DriveToBall``: the paper's task as a dm_control composer task and a ``dm_env`` environment.
+
+The entities are made of the same MJCF as ``scene.compose``, and compile to the same model.
+
+Raises:
+    MissingPackage: on import, where dm_control is not installed.
+"""
 
 from collections import OrderedDict
 
-import dm_env
 import numpy as np
-from dm_control import composer, mjcf
-from dm_control.composer.observation import observable
-from dm_env import specs
 from numpy.typing import NDArray
 
-from steerlab.sim.engine.arena import PHYSICS_TIMESTEP_S
+from steerlab.sim.engine.arena import PHYSICS_TIMESTEP_S, ground_mjcf
 from steerlab.sim.engine.camera import Camera, CameraConfig
+from steerlab.sim.engine.car_state import acceleration, pose, velocity
 from steerlab.sim.engine.controls import CarControls
 from steerlab.sim.engine.driving import DrivingConfig, draw_start
 from steerlab.sim.engine.referee import Referee
-from steerlab.sim.engine.scene import compose
+from steerlab.sim.engine.scene import parts
+from steerlab.sim.errors import MissingPackage
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.vehicle import WHEEL_LIMIT, CarConfig
 from steerlab.sim.world import WorldSpec
+
+try:
+    import dm_control.composer as composer
+    import dm_control.mjcf as mjcf
+    import dm_env
+    from dm_control.composer.observation import observable
+    from dm_env import specs
+except ImportError as error:
+    raise MissingPackage(
+        f"The dm_env and composer interface needs dm_control ({error}): pip install "
+        "'steerlab[dm-control]', which Python 3.11 and 3.12 can; on a newer one drive with "
+        "steerlab.sim.engine.driving.Driving or gym_env.DriveToBallEnv, which need nothing more."
+    ) from error
+
+
+class Ground(composer.Arena):
+    """The arena that the other entities are attached to."""
+
+    def _build(self, half_extent_m: float) -> None:
+        self._mjcf_root = mjcf.from_xml_string(ground_mjcf(half_extent_m))
+
+
+class Part(composer.Entity):
+    """What stands on the ground, from its MJCF: a block or the ball."""
+
+    def _build(self, name: str, mjcf_text: str) -> None:
+        self._mjcf_root = mjcf.from_xml_string(mjcf_text)
+        self._mjcf_root.model = name
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        """The part's own MJCF."""
+        return self._mjcf_root
+
+
+class Car(Part):
+    """The car, with the paper's state as observables."""
+
+    def _build_observables(self) -> "CarObservables":
+        return CarObservables(self)
+
+
+class CarObservables(composer.Observables):
+    """The paper's state without the image: position, heading, body velocity and acceleration."""
+
+    @composer.observable
+    def pose(self) -> observable.Generic:
+        """(3,) x_m, y_m, heading_rad."""
+        return observable.Generic(lambda physics: pose(physics.data.ptr))
+
+    @composer.observable
+    def velocity(self) -> observable.Generic:
+        """(3,) forward and leftward speed in m/s, yaw rate in rad/s."""
+        return observable.Generic(lambda physics: velocity(physics.data.ptr))
+
+    @composer.observable
+    def acceleration(self) -> observable.Generic:
+        """(2,) forward and leftward acceleration in m/s²."""
+        return observable.Generic(lambda physics: acceleration(physics.data.ptr))
 
 
 class DriveToBall(composer.Task):
@@ -46,11 +109,14 @@ class DriveToBall(composer.Task):
         self.outcome = Outcome.RUNNING
         self._car_config = car or CarConfig()
         self._pedals = pedals
-        self._scene = compose(world, self._car_config)
+        self._ground = Ground(world.half_extent_m)
+        for name, text in parts(world, self._car_config):
+            part = Car(name, text) if name == "car" else Part(name, text)
+            part.observables.enable_all()
+            self._ground.attach(part)
         self._camera_config = camera
         self._camera: Camera | None = None
         self._steps = 0
-        self._scene.car.observables.enable_all()
         self._task_observables: OrderedDict[str, observable.Observable] = OrderedDict()
         if camera is not None:
             image = observable.Generic(self._image)
@@ -61,7 +127,7 @@ class DriveToBall(composer.Task):
     @property
     def root_entity(self) -> composer.Entity:
         """The arena that everything is attached to."""
-        return self._scene.ground
+        return self._ground
 
     @property
     def task_observables(self) -> OrderedDict[str, observable.Observable]:

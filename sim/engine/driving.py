@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any
 
 import mujoco
 import numpy as np
-from dm_control import mjcf
 from numpy.typing import NDArray
 
 from steerlab.sim.engine import car_state
@@ -89,10 +87,8 @@ class Driving:
         self.world = world
         self.car = car or CarConfig()
         self.config = config or DrivingConfig()
-        root: Any = compose(world, self.car).ground.mjcf_model
-        self._physics: Any = mjcf.Physics.from_mjcf_model(root)
-        self.model: mujoco.MjModel = self._physics.model.ptr
-        self.data: mujoco.MjData = self._physics.data.ptr
+        self.model: mujoco.MjModel = compose(world, self.car).compile()
+        self.data = mujoco.MjData(self.model)
         self._controls = CarControls(self.data, self.car)
         self._referee = Referee(self.data, world)
         self._substeps = self.config.substeps
@@ -207,8 +203,7 @@ class Driving:
         return self.state
 
     def close(self) -> None:
-        """Free the model; cameras on it must be closed before."""
-        self._physics.free()
+        """Nothing is left to free: model and data go with the last reference to them."""
 
     def __enter__(self) -> "Driving":
         return self

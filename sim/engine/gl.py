@@ -14,8 +14,15 @@ from pathlib import Path
 
 from steerlab.sim.errors import NoRenderer
 
-BACKENDS = ("egl", "osmesa", "glfw")  # fastest and most headless first
-INSTALL_HINT = "sudo apt-get install libegl1 libgl1 libgl1-mesa-dri"
+if sys.platform == "darwin":
+    BACKENDS: tuple[str, ...] = ("cgl", "glfw")
+    INSTALL_HINT = "run it in a session that may use the display; macOS brings its own driver"
+elif sys.platform == "win32":
+    BACKENDS = ("wgl", "glfw")
+    INSTALL_HINT = "install the graphics card's driver from its maker"
+else:
+    BACKENDS = ("egl", "osmesa", "glfw")  # fastest and most headless first
+    INSTALL_HINT = "sudo apt-get install libegl1 libgl1 libgl1-mesa-dri"
 _DISABLED = "disabled"
 _NO_BACKEND = (_DISABLED, "disable", "off", "false", "0")  # as MuJoCo takes it
 _PROBE = """
@@ -71,6 +78,11 @@ def draw_without_threads() -> None:
     os.environ.setdefault("LP_NUM_THREADS", "0")
 
 
+def context_module(backend: str) -> str:
+    """The module whose ``GLContext`` draws with ``backend``; MuJoCo serves WGL by GLFW."""
+    return f"mujoco.{'glfw' if backend == 'wgl' else backend}"
+
+
 def works(backend: str) -> bool:
     """Whether ``backend`` draws into an offscreen buffer, tried in a fresh process."""
     environment = {**os.environ, "MUJOCO_GL": backend}
@@ -89,7 +101,7 @@ def works(backend: str) -> bool:
 
 def _probe_all() -> str | None:
     for backend in BACKENDS:
-        if backend == "glfw" and "DISPLAY" not in os.environ:
+        if backend == "glfw" and sys.platform == "linux" and "DISPLAY" not in os.environ:
             continue
         if works(backend):
             _remember(backend)
@@ -110,7 +122,7 @@ def _cache_key() -> str:
 def _cached() -> str | None:
     """A remembered success; failures are not kept, for the user may have mended them."""
     try:
-        backend = json.loads(_cache_file().read_text())[_cache_key()]
+        backend = json.loads(_cache_file().read_text(encoding="utf-8"))[_cache_key()]
     except (OSError, ValueError, KeyError, TypeError):
         return None
     return backend if backend in BACKENDS else None
@@ -120,6 +132,6 @@ def _remember(backend: str) -> None:
     path = _cache_file()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({_cache_key(): backend}))
+        path.write_text(json.dumps({_cache_key(): backend}), encoding="utf-8")
     except OSError as error:  # a read-only home costs a probe at each start, nothing else
         _log.debug("cannot cache the OpenGL choice: %s", error)

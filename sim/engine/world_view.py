@@ -2,11 +2,9 @@
 
 from math import atan, tan
 from types import TracebackType
-from typing import Any
 
 import mujoco
 import numpy as np
-from dm_control import mjcf
 from numpy.typing import NDArray
 
 from steerlab.sim.engine.camera import Camera, CameraConfig
@@ -34,16 +32,10 @@ class WorldView:
     ) -> None:
         self.world = world
         self._car = car or CarConfig()
-        root: Any = compose(world, self._car).ground.mjcf_model
-        self._physics: Any = mjcf.Physics.from_mjcf_model(root)
-        model: mujoco.MjModel = self._physics.model.ptr
-        self._data: mujoco.MjData = self._physics.data.ptr
+        model: mujoco.MjModel = compose(world, self._car).compile()
+        self._data = mujoco.MjData(model)
         self._places = [int(model.joint(f"car/{name}").qposadr[0]) for name in _JOINTS]
-        try:
-            self._camera = Camera(model, self._data, camera)
-        except BaseException:
-            self._physics.free()
-            raise
+        self._camera = Camera(model, self._data, camera)
         self._open = True
 
     @property
@@ -78,11 +70,10 @@ class WorldView:
         return self._camera.frame(out)
 
     def close(self) -> None:
-        """Free the OpenGL context and the model; calling it again does nothing."""
+        """Free the OpenGL context; calling it again does nothing."""
         if self._open:
             self._open = False
             self._camera.close()
-            self._physics.free()
 
     def __enter__(self) -> "WorldView":
         return self

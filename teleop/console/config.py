@@ -1,5 +1,7 @@
 """Where the console listens, and what it takes to be reached from another machine."""
 
+import logging
+import os
 import stat
 from dataclasses import dataclass
 from ipaddress import ip_address
@@ -9,6 +11,7 @@ from steerlab.sim.errors import InvalidConfig
 
 DEFAULT_PORT = 8765
 SHORTEST_PASSWORD = 12
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -65,6 +68,8 @@ class ConsoleConfig:
     def password(self) -> str | None:
         """What the password file holds; None without one.
 
+        On Windows nobody checks who else may read the file; a warning says so.
+
         Raises:
             InvalidConfig: others may read the file, it cannot be read, or the password is short.
         """
@@ -72,7 +77,7 @@ class ConsoleConfig:
         if path is None:
             return None
         try:
-            if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+            if _others_may_read(path):
                 raise InvalidConfig(f"Others may read {path}; run: chmod 600 {path}")
             lines = path.read_text("utf-8").splitlines()
         except (OSError, UnicodeDecodeError) as error:
@@ -103,6 +108,14 @@ class ConsoleConfig:
         """The first origin to name to people."""
         host = f"[{self.host}]" if ":" in self.host else self.host.lower()
         return next(one for one in self.origins(port) if one.split("//")[1].startswith(host))
+
+
+def _others_may_read(path: Path) -> bool:
+    mode = path.stat().st_mode
+    if not hasattr(os, "geteuid"):  # Windows has lists of who may read, which a mode does not show
+        _log.warning("who else may read %s is not checked on this system; see its properties", path)
+        return False
+    return bool(mode & (stat.S_IRWXG | stat.S_IRWXO))
 
 
 def is_loopback(host: str) -> bool:

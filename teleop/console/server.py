@@ -123,7 +123,7 @@ def _bind(config: ConsoleConfig) -> socket.socket:
         family, kind, protocol, _, where = found[0]
         listening = socket.socket(family, kind, protocol)
         try:
-            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listening.setsockopt(socket.SOL_SOCKET, _address_option(), 1)
             listening.bind(where)
             listening.listen(MOST_WAITING)
         except BaseException:
@@ -136,3 +136,11 @@ def _bind(config: ConsoleConfig) -> socket.socket:
         ) from error
     listening.set_inheritable(False)
     return listening
+
+
+def _address_option() -> int:
+    """Allows the address of a console that has just ended; never that of one that runs.
+
+    On Windows ``SO_REUSEADDR`` would let two programs listen at one address.
+    """
+    return getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)

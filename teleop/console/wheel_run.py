@@ -7,14 +7,14 @@ import os
 import re
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO
 
+from steerlab.analysis.own_process import apart_from_terminal
 from steerlab.teleop.console import texts
+from steerlab.teleop.console.run_output import RunOutput
 from steerlab.teleop.study.contract import Phase, StudyError
 
 STUDY_COMMAND = (sys.executable, "-m", "steerlab.teleop.cli", "study")
@@ -64,7 +64,7 @@ class WheelRuns:
         self._command = tuple(command)
         self._now = now
         self._process: subprocess.Popen[bytes] | None = None
-        self._output: IO[bytes] | None = None
+        self._output: RunOutput | None = None
         self._what = ("", "", "", "")  # participant, phase, title, since
 
     def view(self) -> RunView | None:
@@ -119,15 +119,16 @@ class WheelRuns:
                 )
             )
         self._close_output()
-        # A file without a name: it outlives the console, which a pipe would not.
-        self._output = tempfile.TemporaryFile()  # noqa: SIM115 (lives as long as the run)
+        self._output = RunOutput()
         self._process = subprocess.Popen(
             [*self._command, act, str(self._folder), *options],
             stdin=subprocess.DEVNULL,
-            stdout=self._output,
+            stdout=self._output.sink,
             stderr=subprocess.STDOUT,
-            start_new_session=True,  # Ctrl+C in the console's terminal is not meant for it
+            env={**os.environ, "PYTHONIOENCODING": "utf-8"},  # as it is read; Windows has others
+            **apart_from_terminal(),
         )
+        self._output.handed_over()
         self._what = (participant, phase, title, self._now().strftime("%H:%M"))
 
     def close(self) -> None:
@@ -142,11 +143,8 @@ class WheelRuns:
     def _last_lines(self) -> tuple[str, ...]:
         if self._output is None:
             return ()
-        descriptor = self._output.fileno()
-        size = os.fstat(descriptor).st_size
-        # pread leaves the offset alone, which the process shares
-        tail = os.pread(descriptor, LAST_BYTES, max(0, size - LAST_BYTES))
-        lines = [line.rstrip() for line in tail.decode("utf-8", "replace").splitlines()]
+        tail = self._output.tail(LAST_BYTES).decode("utf-8", "replace")
+        lines = [line.rstrip() for line in tail.splitlines()]
         return tuple(line for line in lines if line)[-LAST_LINES:]
 
 

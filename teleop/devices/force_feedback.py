@@ -123,7 +123,9 @@ def _event_names(inputs: Path) -> list[str]:
 
 def _ids(event: Path) -> tuple[int, int] | None:
     try:
-        vendor, product = ((event / "device/id" / name).read_text() for name in _ID_FILES)
+        vendor, product = (
+            (event / "device/id" / name).read_text(encoding="ascii") for name in _ID_FILES
+        )
     except OSError:
         return None  # no USB device, such as a power button
     return int(vendor, 16), int(product, 16)

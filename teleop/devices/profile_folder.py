@@ -12,6 +12,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from steerlab.sim.errors import SteerlabError
+from steerlab.sim.files import whole_file
 from steerlab.teleop.devices.contract import DeviceError
 from steerlab.teleop.devices.joystick import JoystickInfo
 from steerlab.teleop.devices.profile import WheelProfile
@@ -69,11 +70,10 @@ def save_profile(profile: WheelProfile, folder: Path | None = None) -> Path:
     folder = folder or user_profile_folder()
     slug = re.sub(r"[^a-z0-9]+", "-", profile.name.casefold()).strip("-") or "wheel"
     path = folder / f"{slug}-{profile.match.guid}-{profile.match.system}.toml"
-    fresh = path.with_suffix(".new")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        fresh.write_text(profile_to_toml(profile), encoding="utf-8")
-        fresh.replace(path)
+        with whole_file(path) as fresh:
+            fresh.write_text(profile_to_toml(profile), encoding="utf-8")
     except OSError as error:
         raise SteerlabError(
             f"The profile cannot be kept in {folder}: {error.strerror}. Make the folder writable, "

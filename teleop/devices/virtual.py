@@ -157,10 +157,11 @@ class VirtualJoystick:
 
 def _mapped_sdl() -> ctypes.CDLL:
     """The SDL that pygame itself runs on; a second copy would have joysticks of its own."""
-    maps = Path("/proc/self/maps")
-    if not maps.exists():
-        raise DeviceError("Virtual joysticks need Linux: /proc/self/maps is missing.")
-    paths = set(re.findall(r"(/\S*/libSDL2-2[.-]\S*)", maps.read_text()))
+    try:
+        maps = Path("/proc/self/maps").read_text(encoding="utf-8", errors="surrogateescape")
+    except FileNotFoundError:
+        raise DeviceError("Virtual joysticks need Linux: /proc/self/maps is missing.") from None
+    paths = set(re.findall(r"(/\S*/libSDL2-2[.-]\S*)", maps))
     if len(paths) != 1:
         raise DeviceError(f"Expected one SDL library in this process, found {sorted(paths)}.")
     sdl = ctypes.CDLL(paths.pop())

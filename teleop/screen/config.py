@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from steerlab.sim.engine.camera import MAX_SIDE_PX, CameraConfig, View
+from steerlab.sim.camera_config import MAX_SIDE_PX, CameraConfig, View
 from steerlab.sim.errors import InvalidConfig
 
 SMALLEST = (640, 360)

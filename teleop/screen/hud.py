@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from math import hypot, pi
 
-from steerlab.sim.engine.camera import View
+from steerlab.sim.camera_config import View
 from steerlab.sim.geometry import bearing_rad
 from steerlab.teleop.screen import shapes
 from steerlab.teleop.screen.contract import DriveView

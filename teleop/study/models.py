@@ -4,13 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pyarrow as pa
 
-from steerlab.learning.checkpoint import load_mapper, save_mapper
-from steerlab.learning.mapper import MindMeldMapper
-from steerlab.learning.presets import preset
 from steerlab.learning.series import LabelSeries, series_from_table
+from steerlab.sim.files import put, whole_file
 from steerlab.sim.store_frozen import (
     FrozenModel,
     StoredEmbedding,
@@ -20,11 +19,13 @@ from steerlab.sim.store_frozen import (
     read_embeddings,
     read_models,
 )
-from steerlab.teleop.durable_file import put
 from steerlab.teleop.study.contract import PhaseKind, PhaseState, Role, Standing, StudyError
 from steerlab.teleop.study.frozen_files import MODELS
 from steerlab.teleop.study.opened import OpenStudy
 from steerlab.teleop.study.progress import Progress, everybody, finished_rollouts, progress_of
+
+if TYPE_CHECKING:
+    from steerlab.learning.mapper import MindMeldMapper
 
 ProgressBar = Callable[[str, float], None]
 
@@ -71,6 +72,10 @@ def train(study: OpenStudy, progress: ProgressBar) -> FrozenModel:
             f"{len(people)} training participants have finished; the protocol asks for "
             f"{plan.minimum_people} (mapper.minimum_people) before the network is trained."
         )
+    from steerlab.learning.checkpoint import save_mapper
+    from steerlab.learning.mapper import MindMeldMapper
+    from steerlab.learning.presets import preset
+
     config = preset(plan.preset)
     if plan.epochs is not None:
         config = replace(config, training=replace(config.training, epochs=plan.epochs))
@@ -95,7 +100,7 @@ def train(study: OpenStudy, progress: ProgressBar) -> FrozenModel:
     return frozen
 
 
-def load_frozen(study: OpenStudy, model: FrozenModel) -> MindMeldMapper:
+def load_frozen(study: OpenStudy, model: FrozenModel) -> "MindMeldMapper":
     """The network, if its file is what was frozen.
 
     Raises:
@@ -108,6 +113,8 @@ def load_frozen(study: OpenStudy, model: FrozenModel) -> MindMeldMapper:
             f"{path} is not the network that was frozen: its sha256 is {found}, it was "
             f"{model.sha256}. Restore it from the last copy of the study."
         )
+    from steerlab.learning.checkpoint import load_mapper
+
     return load_mapper(path)
 
 
@@ -126,6 +133,8 @@ def calibrate_participant(
         raise StudyError(
             f"{participant} has not corrected {', '.join(sorted(missing))} yet; finish that first."
         )
+    from steerlab.learning.checkpoint import save_mapper
+
     mapper = load_frozen(study, model)
     series = _series(study, place)
     mapper.calibrate(series)
@@ -139,10 +148,8 @@ def calibrate_participant(
         outside=found.outside,
         inputs=_fingerprint(series),
     )
-    path = person_file(study, model, participant)
-    part = path.with_name(f".{path.name}.part")
-    save_mapper(mapper, part)
-    put(part, path)
+    with whole_file(person_file(study, model, participant)) as part:
+        save_mapper(mapper, part)
     with study.store.connection.transaction(f"keep w of {participant!r}", durable=True):
         insert_embedding(study.store.connection, kept)
     return kept

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from steerlab.sim.engine.camera import View
+from steerlab.sim.camera_config import View
 from steerlab.teleop.devices.force_feedback import DEFAULT_AUTOCENTRE
 from steerlab.teleop.screen.config import ScreenConfig
 from steerlab.teleop.study.protocol_error import ProtocolError, check_words

@@ -5,7 +5,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from steerlab.teleop.folder_lock import CONSOLE_LOCK, RUN_LOCK
+from steerlab.teleop.folder_lock import CONSOLE_LOCK, RUN_LOCK, holder_name
 from steerlab.teleop.recording.session_recorder import RECORDINGS
 from steerlab.teleop.study.contract import StudyError
 from steerlab.teleop.study.frozen_files import MODELS
@@ -17,7 +17,8 @@ DERIVED = ("exports", "report")
 
 _KNOWN = (
     *(DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm", PROTOCOL_FILE, QUESTIONNAIRES),
-    *(RECORDINGS, MODELS, RUN_LOCK, CONSOLE_LOCK, *DERIVED),
+    *(RECORDINGS, MODELS, *DERIVED),
+    *(RUN_LOCK, CONSOLE_LOCK, holder_name(RUN_LOCK), holder_name(CONSOLE_LOCK)),
 )
 
 

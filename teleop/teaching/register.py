@@ -10,6 +10,7 @@ import pyarrow as pa
 from safetensors import SafetensorError
 
 from steerlab.learning.policy import PolicyNetwork, load_policy, save_policy
+from steerlab.sim.files import whole_file
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.store import StudyStore
 from steerlab.sim.store_records import Attempt, AttemptStatus
@@ -24,7 +25,6 @@ from steerlab.sim.store_teaching import (
     read_taught,
     read_tried,
 )
-from steerlab.teleop.durable_file import put
 from steerlab.teleop.study.frozen_files import MODELS
 from steerlab.teleop.teaching.errors import TeachingError
 
@@ -99,10 +99,9 @@ class Register:
             folder.mkdir(parents=True, exist_ok=True)
             for member, network in enumerate(networks):
                 path = folder / f"{stem}-{member}.safetensors"
-                part = path.with_name(f"{path.name}.part")
-                save_policy(network, part)
-                kept[f"{POLICIES}/{path.name}"] = sha256(part.read_bytes()).hexdigest()
-                put(part, path)
+                with whole_file(path) as part:
+                    save_policy(network, part)
+                    kept[f"{POLICIES}/{path.name}"] = sha256(part.read_bytes()).hexdigest()
         except (OSError, SafetensorError) as error:
             raise TeachingError(
                 f"The policy of round {number} cannot be kept in {folder}: {error}. Free some room "

@@ -6,16 +6,17 @@ from typing import Annotated
 import tyro
 
 from steerlab.teleop.verbs.common import Force, Json, print_json, progress_bar
+from steerlab.teleop.verbs.quick_types import PathOrNone
 
 
 def analyze(
     study: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="STUDY")],
     out: Annotated[
-        Path | None,
+        PathOrNone,
         tyro.conf.arg(metavar="DIR", help="Where report/ goes; by default into the study."),
     ] = None,
     conditions: Annotated[
-        Path | None,
+        PathOrNone,
         tyro.conf.arg(help="Outcomes of conditions: a .csv or .parquet, or a teach run's folder."),
     ] = None,
     seeds: Annotated[

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import tyro
 
+from steerlab.teleop.verbs.quick_types import PathOrNone
+
 
 def console(
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="STUDY")],
@@ -20,10 +22,10 @@ def console(
         bool, tyro.conf.arg(help="Serve an address that other machines can reach.")
     ] = False,
     password_file: Annotated[
-        Path | None, tyro.conf.arg(help="Its first line signs the experimenter in.")
+        PathOrNone, tyro.conf.arg(help="Its first line signs the experimenter in.")
     ] = None,
-    tls_cert: Annotated[Path | None, tyro.conf.arg(help="PEM certificate.")] = None,
-    tls_key: Annotated[Path | None, tyro.conf.arg(help="PEM key of the certificate.")] = None,
+    tls_cert: Annotated[PathOrNone, tyro.conf.arg(help="PEM certificate.")] = None,
+    tls_key: Annotated[PathOrNone, tyro.conf.arg(help="PEM key of the certificate.")] = None,
 ) -> int:
     """The pages of a study: participants, progress, questionnaires; Ctrl+C ends them.
 

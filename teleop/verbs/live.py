@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from steerlab.teleop.verbs.common import Json, print_json, progress_bar
+from steerlab.teleop.verbs.quick_types import FloatOrNone, IntOrNone, PathOrNone, TextOrNone
 
 if TYPE_CHECKING:
     from steerlab.teleop.screen.config import ScreenConfig
@@ -155,17 +156,17 @@ def correct(
 
 def replay(
     path: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="PATH")],
-    participant: Annotated[str | None, tyro.conf.arg(help="Only this participant's.")] = None,
-    rollout: Annotated[str | None, tyro.conf.arg(help="Only attempts at this rollout.")] = None,
-    attempt: Annotated[int | None, tyro.conf.arg(help="Only this attempt, from 0.")] = None,
+    participant: Annotated[TextOrNone, tyro.conf.arg(help="Only this participant's.")] = None,
+    rollout: Annotated[TextOrNone, tyro.conf.arg(help="Only attempts at this rollout.")] = None,
+    attempt: Annotated[IntOrNone, tyro.conf.arg(help="Only this attempt, from 0.")] = None,
     pictures: Annotated[bool, tyro.conf.arg(help="Draw the camera's view again.")] = True,
     save: Annotated[
-        Path | None, tyro.conf.arg(metavar="FILE", help="Write an .rrd file instead.")
+        PathOrNone, tyro.conf.arg(metavar="FILE", help="Write an .rrd file instead.")
     ] = None,
     screenshot: Annotated[
-        Path | None, tyro.conf.arg(metavar="FILE", help="Write a .png instead; no display needed.")
+        PathOrNone, tyro.conf.arg(metavar="FILE", help="Write a .png instead; no display needed.")
     ] = None,
-    at_s: Annotated[float | None, tyro.conf.arg(help="Moment of the screenshot.")] = None,
+    at_s: Annotated[FloatOrNone, tyro.conf.arg(help="Moment of the screenshot.")] = None,
 ) -> int:
     """Open a session in Rerun: the drive, the camera, wheels, timing and what happened.
 

@@ -1,17 +1,17 @@
 """The verb ``power``: how many people a study needs."""
 
 import sys
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
 from steerlab.teleop.verbs.common import Force, Json, Out, Seed, print_json, progress_bar
+from steerlab.teleop.verbs.quick_types import Ints, PathOrNone, Texts
 
 
 def power(
     out: Out,
-    people: Annotated[tuple[int, ...], tyro.conf.arg(help="Sample sizes to try, rising.")] = (
+    people: Annotated[Ints, tyro.conf.arg(help="Sample sizes to try, rising.")] = (
         12,
         20,
         34,
@@ -21,20 +21,20 @@ def power(
         140,
     ),
     plant: Annotated[
-        tuple[str, ...],
+        Texts,
         tyro.conf.arg(
             metavar="SCALE:STYLE:R",
             help="A correlation to find, such as mini_ipip_5.neuroticism:gain:0.4.",
         ),
     ] = (),
     conditions: Annotated[
-        tuple[str, ...],
+        Texts,
         tyro.conf.arg(
             metavar="NAME:SHARE", help="Success of each condition, such as mind_meld:0.7."
         ),
     ] = (),
     taught: Annotated[
-        Path | None,
+        PathOrNone,
         tyro.conf.arg(help="Draw outcomes from a teach run, or a table, instead of a model."),
     ] = None,
     ours: Annotated[

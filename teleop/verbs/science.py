@@ -16,6 +16,7 @@ from steerlab.teleop.verbs.common import (
     say,
     say_where,
 )
+from steerlab.teleop.verbs.quick_types import FloatOrNone
 
 Noise = Literal["paper", "low", "human", "high"]
 Preset = Literal["lab", "paper"]
@@ -84,7 +85,7 @@ def fit(
     ] = "full",
     limit: Annotated[float, tyro.conf.arg(help="Labels are within plus or minus this.")] = 2.5,
     rate_hz: Annotated[
-        float | None, tyro.conf.arg(help="Steps a second, without a t_s column; 20 by default.")
+        FloatOrNone, tyro.conf.arg(help="Steps a second, without a t_s column; 20 by default.")
     ] = None,
     seed: Seed = 0,
     force: Force = False,

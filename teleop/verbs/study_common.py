@@ -8,8 +8,12 @@ import tyro
 if TYPE_CHECKING:
     from steerlab.teleop.study.study import Study
 
-Folder = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
-Person = Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="PARTICIPANT")]
+Folder = Annotated[
+    tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR", help="The study's folder.")
+]
+Person = Annotated[
+    tyro.conf.Positional[str], tyro.conf.arg(metavar="PARTICIPANT", help="Their pseudonym.")
+]
 RoleName = Annotated[
     Literal["training", "test"],
     tyro.conf.arg(help="Training participants teach the network; test participants use it."),

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from steerlab.teleop.verbs.common import print_json, progress_bar
+from steerlab.teleop.verbs.quick_types import TextOrNone
 from steerlab.teleop.verbs.study_common import AsJson, Folder, Person, RoleName, open_study
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ class Note:
 
     folder: Folder
     text: Annotated[str, tyro.conf.arg(help="Never a name.")]
-    participant: Annotated[str | None, tyro.conf.arg(help="Whom it is about.")] = None
+    participant: Annotated[TextOrNone, tyro.conf.arg(help="Whom it is about.")] = None
 
     def do(self) -> int:
         """Keep it."""
@@ -120,7 +121,9 @@ class Redo:
 
     folder: Folder
     participant: Person
-    phase: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="PHASE")]
+    phase: Annotated[
+        tyro.conf.Positional[str], tyro.conf.arg(metavar="PHASE", help="As in the protocol.")
+    ]
 
     def do(self) -> int:
         """Open it."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from steerlab.teleop.verbs.common import print_json, progress_bar
+from steerlab.teleop.verbs.quick_types import TextOrNone, Texts
 from steerlab.teleop.verbs.study_common import AsJson, Folder, Person, open_study
 
 if TYPE_CHECKING:
@@ -23,21 +24,21 @@ class Run:
     """
 
     folder: Folder
-    participant: Annotated[str | None, tyro.conf.arg(help="Who sits at the wheel.")] = None
-    phase: Annotated[str | None, tyro.conf.arg(help="Only this phase.")] = None
+    participant: Annotated[TextOrNone, tyro.conf.arg(help="Who sits at the wheel.")] = None
+    phase: Annotated[TextOrNone, tyro.conf.arg(help="Only this phase.")] = None
     device: Annotated[
         str, tyro.conf.arg(help="wheel, wheel:NAME, gamepad, keyboard, mouse or trace:FILE.")
     ] = "wheel"
     viewer: Annotated[bool, tyro.conf.arg(help="Show the drives live in Rerun as well.")] = False
     recordings: Annotated[bool, tyro.conf.arg(help="Write Rerun recordings.")] = True
     teacher: Annotated[
-        str | None, tyro.conf.arg(help="scripted:KIND:SEED, such as scripted:human:3.")
+        TextOrNone, tyro.conf.arg(help="scripted:KIND:SEED, such as scripted:human:3.")
     ] = None
     role: Annotated[
         Literal["training", "test"], tyro.conf.arg(help="Of a new scripted participant.")
     ] = "training"
     plant: Annotated[
-        tuple[str, ...],
+        Texts,
         tyro.conf.arg(
             metavar="SCALE:STYLE:R",
             help="Plant a correlation, such as mini_ipip_5.extraversion:gain:0.5.",
@@ -118,7 +119,7 @@ class Verify:
 
     folder: Folder
     expect_head: Annotated[
-        str | None, tyro.conf.arg(help="A head printed earlier; the audit must still hold it.")
+        TextOrNone, tyro.conf.arg(help="A head printed earlier; the audit must still hold it.")
     ] = None
     as_json: AsJson = False
 

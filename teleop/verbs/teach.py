@@ -1,13 +1,13 @@
 """The verb ``teach``: interactive learners side by side."""
 
 import sys
-from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Optional
 
 import tyro
 
 from steerlab.teleop.verbs.common import Force, Json, Out, Seed, print_json, progress_bar, say_where
+from steerlab.teleop.verbs.quick_types import PathOrNone, Texts
 
 Noise = Annotated[
     float, tyro.conf.arg(help="Wheel noise: standard deviation, wheel units of ±2.5.")
@@ -17,7 +17,7 @@ Noise = Annotated[
 def teach(
     out: Out,
     learners: Annotated[
-        tuple[str, ...], tyro.conf.arg(help="Learners to compare; an unknown one lists all.")
+        Texts, tyro.conf.arg(help="Learners to compare; an unknown one lists all.")
     ] = ("bc", "dagger", "mind-meld", "mind-meld-mean", "oracle"),
     teachers: Annotated[int, tyro.conf.arg(help="Scripted teachers the mapper never saw.")] = 20,
     rounds: Annotated[int, tyro.conf.arg(help="Rounds after the demonstration.")] = 12,
@@ -29,7 +29,7 @@ def teach(
     learner_seeds: Annotated[int, tyro.conf.arg(help="Learners a teacher and condition.")] = 3,
     seed: Seed = 0,
     population: Annotated[
-        Literal["wide", "paper", "low", "human", "high"] | None,
+        Optional[Literal["wide", "paper", "low", "human", "high"]],  # noqa: UP045 - see quick_types
         tyro.conf.arg(help="How much teachers differ; else wide, or human for other families."),
     ] = None,
     family: Annotated[
@@ -47,7 +47,7 @@ def teach(
         int, tyro.conf.arg(help="Gradient steps of a policy in each round.")
     ] = 150,
     mapper: Annotated[
-        Path | None, tyro.conf.arg(help="A MIND MELD model instead of one trained here.")
+        PathOrNone, tyro.conf.arg(help="A MIND MELD model instead of one trained here.")
     ] = None,
     engine: Annotated[Literal["local"], tyro.conf.arg(help="Where it runs.")] = "local",
     jobs: Annotated[int, tyro.conf.arg(help="Processes; results do not depend on it.")] = 1,

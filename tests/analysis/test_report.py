@@ -219,12 +219,13 @@ def test_equal_reports_give_equal_pages(report: SimulationReport, html: str):
     assert render_report(report) == html
 
 
-def test_a_drive_without_camera_says_nothing_of_one(
+def test_a_picture_that_the_camera_did_not_take_is_said_to_be_left_out(
     report: SimulationReport, empty_figures: ReportFigures
 ):
     drive = replace(report.drive, camera_t_s=None, oracle_moments_s=(1.0,))
     text = Page(render_report(replace(report, drive=drive, figures=empty_figures))).text
-    assert "camera’s frame" not in text
+    assert "The camera’s frame is left out" in text
+    assert "Beside it, the camera" not in text
     assert "paths at 1.0 s;" in text
 
 

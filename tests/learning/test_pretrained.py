@@ -9,7 +9,7 @@ import torch
 from steerlab.learning.empirical_bayes.grid import RATE_HZ
 from steerlab.learning.errors import InvalidLabels, UnknownPerson
 from steerlab.learning.label_quality import mapper_quality
-from steerlab.learning.pretrained.drives import Drive
+from steerlab.learning.pretrained.drive import Drive
 from steerlab.learning.pretrained.fine_tuning import FineTuningConfig
 from steerlab.learning.pretrained.mapper import SimPretrainedMapper
 from steerlab.learning.pretrained.model import Alignment, PretrainedModel, network_inputs

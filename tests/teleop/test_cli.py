@@ -3,13 +3,15 @@ import os
 import signal
 import subprocess
 import sys
+from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 
 from steerlab.sim import calibration_set
 from steerlab.sim.engine import camera
 from steerlab.sim.errors import NoRenderer
-from steerlab.teleop import cli, simulate
+from steerlab.teleop import cli, doctor, simulate
 from steerlab.teleop.cli import VERBS, main
 
 SMALL = ["--teachers", "7", "--new-teachers", "2", "--rollouts", "4"]
@@ -36,21 +38,56 @@ def test_every_verb_has_help_with_an_example(verb, capsys):
 
 
 def test_no_verb_shows_the_help(capsys):
-    with pytest.raises(SystemExit) as stop:
-        main([])
-    assert stop.value.code == 0
+    assert main([]) == 0
     assert "simulate" in capsys.readouterr().out
 
 
-def test_help_imports_nothing_heavy():
-    code = (
-        "import sys\nfrom steerlab.teleop.cli import main\n"
-        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
-        "print(sorted({'torch','mujoco','numba','numpy','scipy','matplotlib','pyarrow','rich.live'}"
-        " & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[]"
+def test_the_overview_says_what_each_verb_does(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    assert main(["--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 60
+    said = " ".join(" ".join(lines).split())
+    for verb in VERBS:
+        docstring = cli.verb_function(verb).__doc__ or ""
+        assert f"{verb} {docstring.splitlines()[0]}" in said
+
+
+def test_the_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"steerlab {version('steerlab')}\n"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("simulat", "Did you mean simulate?"),
+        ("--seed", "options follow the verb"),
+        ("nothing-like-it", "Choose from demo, doctor"),
+    ],
+)
+def test_no_such_verb(given, said, capsys):
+    refusal = _refused(capsys, given, "1")
+    assert repr(given) in refusal
+    assert said in refusal
+    assert all(verb in refusal for verb in VERBS)
+
+
+def test_a_verb_may_be_spelt_as_its_function(tmp_path, capsys):
+    (tmp_path / "set.parquet").write_text("x")
+    assert "exists" in _refused(capsys, "calibration_set", "--out", str(tmp_path / "set.parquet"))
+
+
+def test_a_shell_can_complete_every_verb(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["--tyro-print-completion", "bash"])
+    assert not stop.value.code
+    script = capsys.readouterr().out
+    assert all(verb in script for verb in VERBS)
+
+
+def test_a_number_that_is_none_is_said(tmp_path, capsys):
+    assert "'x'" in _refused(capsys, "power", "--people", "12", "x", "--out", str(tmp_path / "out"))
 
 
 @pytest.mark.parametrize(
@@ -79,13 +116,19 @@ def test_an_unwritable_place(capsys):
     assert "Cannot write" in _refused(capsys, "demo", "--out", "/proc/steerlab/out")
 
 
-def test_no_opengl_is_said_before_anything_runs(tmp_path, capsys, monkeypatch):
+def test_no_opengl_is_said_before_anything_runs(tmp_path, caplog, monkeypatch):
+    """The study does not need it, only one picture of its report does."""
+
     def refuse(width, height):
         raise NoRenderer("Cannot draw offscreen. Install a software driver: apt-get install x")
 
+    def look_and_stop(*arguments):
+        assert "no picture from the camera. Cannot draw offscreen. Install" in caplog.text
+        raise KeyboardInterrupt
+
     monkeypatch.setattr(camera, "_open_context", refuse)
-    monkeypatch.setattr(simulate, "run_population", lambda *a: pytest.fail("ran"))
-    assert "Install" in _refused(capsys, "simulate", "--out", str(tmp_path / "out"), *SMALL)
+    monkeypatch.setattr(simulate, "run_population", look_and_stop)
+    assert main(["simulate", "--out", str(tmp_path / "out"), *SMALL]) == 130
     assert os.listdir(tmp_path) == []
 
 
@@ -119,6 +162,15 @@ def test_doctor_tells_how_to_mend(tmp_path, capsys):
     assert not findings["Disk"]["ok"]
     assert "--folder" in findings["Disk"]["mend"]
     assert findings["OpenGL"]["ok"]
+    assert findings["Drawing, training"]["ok"]
+
+
+def test_doctor_sees_a_process_that_dies(monkeypatch):
+    monkeypatch.setattr(doctor, "_DRAW_AND_TRAIN", "import os; os.kill(os.getpid(), 11)")
+    found = doctor.examine(Path())[-1]
+    assert "not in one process" in found.found
+    assert "it ended with -11" in found.found
+    assert "make TORCH=cpu" in found.mend
 
 
 def test_doctor_without_opengl(capsys, monkeypatch):

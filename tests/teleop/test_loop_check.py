@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 
 from steerlab.teleop.doctor_loop import loop_findings, measure_loop
@@ -61,6 +63,14 @@ def test_a_lost_step_and_no_display_are_said():
     assert "1 lost" in lost.found
     blind = loop_findings(check(frames=0), "none")
     assert "nothing was drawn" in next(one.found for one in blind if one.what == "Display")
+
+
+def test_a_load_that_the_system_does_not_tell_is_no_number():
+    untold = replace(check(), load=None)
+    for found, said in ((check(), "0.20 over the last minute"), (untold, "not told here")):
+        load = next(one for one in loop_findings(found, "none") if one.what == "Load")
+        assert load.ok
+        assert load.found == said
 
 
 def test_the_whole_loop_runs_and_every_motion_is_found_again(tmp_path):

@@ -28,6 +28,7 @@ from steerlab.sim.populations import sample_population
 from steerlab.sim.tasks import draw_task_start
 from steerlab.teleop import teach_worker
 from steerlab.teleop.cli import main
+from steerlab.teleop.kept_files import write_json
 from steerlab.teleop.output_folder import OutputError
 from steerlab.teleop.teach import teach
 from steerlab.teleop.teach_config import TeachConfig
@@ -37,7 +38,6 @@ from steerlab.teleop.teach_shards import (
     missing,
     read_shard,
     why_left_out,
-    write_json,
 )
 from steerlab.teleop.teach_units import _keep
 

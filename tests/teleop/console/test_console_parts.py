@@ -1,7 +1,9 @@
 """The console's parts on their own: settings, runs, next steps, guesses, forms, changes."""
 
 import asyncio
+import os
 import re
+import socket
 import string
 import sys
 from contextlib import nullcontext
@@ -17,6 +19,7 @@ from steerlab.teleop.console.desk import Desk
 from steerlab.teleop.console.guesses import MOST_ADDRESSES, Guesses
 from steerlab.teleop.console.live import Changes
 from steerlab.teleop.console.next_steps import Act, next_step, step_of
+from steerlab.teleop.console.server import _address_option, _bind
 from steerlab.teleop.console.sign_in import SignIn
 from steerlab.teleop.console.wheel_run import LAST_LINES, RunView, WheelRuns
 from steerlab.teleop.study.contract import Phase, PhaseKind, PhaseState, Role, StudyError
@@ -86,6 +89,28 @@ def test_a_password_is_read_from_a_private_file_and_long_enough(protected):
     protected["password_file"].unlink()
     with pytest.raises(InvalidConfig, match="Cannot read"):
         config.password()
+
+
+def test_where_a_mode_says_nothing_of_who_may_read_a_warning_says_so(
+    protected, caplog, monkeypatch
+):
+    """As on Windows, where every file has the same."""
+    monkeypatch.delattr(os, "geteuid")
+    protected["password_file"].chmod(0o666)
+    assert ConsoleConfig(host="192.168.1.20", **protected).password() == ENOUGH
+    assert f"who else may read {protected['password_file']} is not checked" in caplog.text
+
+
+def test_two_programs_never_listen_at_one_address(monkeypatch):
+    """On Windows it takes another option than elsewhere, where that one does not exist."""
+    config = ConsoleConfig(port=0)
+    with _bind(config) as listening:
+        port = listening.getsockname()[1]
+        with pytest.raises(InvalidConfig, match="Is another console open"):
+            _bind(replace(config, port=port))
+    assert _address_option() == socket.SO_REUSEADDR
+    monkeypatch.setattr(socket, "SO_EXCLUSIVEADDRUSE", -5, raising=False)
+    assert _address_option() == -5
 
 
 def test_the_usual_port_is_left_out_of_the_origin(protected):
