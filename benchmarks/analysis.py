@@ -29,12 +29,12 @@ from steerlab.analysis.study_tables.report import AnalysisReport, render_analysi
 from steerlab.analysis.study_tables.style_table import exact_styles
 from steerlab.analysis.study_tables.table2 import table2
 from steerlab.analysis.study_tables.tables import AnalysisConfig, analyse
-from steerlab.analysis.surveys.questionnaire_file import shipped_questionnaires
 from steerlab.learning.presets import LAB
 from steerlab.learning.splits import split_rollouts, split_study
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.populations import sample_population
-from steerlab.teleop.study.scripted_answers import ScriptedRespondent
+from steerlab.study.scripted_answers import ScriptedRespondent
+from steerlab.study.surveys.questionnaire_file import shipped_questionnaires
 
 PEOPLE, WOMEN, SEED = 34, 10, 61
 STUDIES, PERMUTATIONS, ALPHA = 1000, 499, 0.05  # Holm over eleven tests needs p below .0045

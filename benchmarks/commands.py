@@ -12,7 +12,7 @@ from benchmarks.rows import Row, at_most, print_rows
 
 def run() -> list[Row]:
     """One row a figure."""
-    command = [sys.executable, "-m", "steerlab.teleop.cli"]
+    command = [sys.executable, "-m", "steerlab.app.cli"]
     help_s = median(_seconds([*command, "--help"]) for _ in range(5))
     with tempfile.TemporaryDirectory() as folder:
         demo_s = _seconds([*command, "demo", "--out", str(Path(folder) / "demo")])

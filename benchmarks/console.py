@@ -19,14 +19,14 @@ from time import perf_counter
 import httpx
 
 from benchmarks.rows import Row, at_least, at_most, print_rows
-from steerlab.teleop.console.experimenter_pages import COOKIE
-from steerlab.teleop.console.forms import csrf_token
-from steerlab.teleop.console.rendering import STATIC_TYPES, static_files
-from steerlab.teleop.study.contract import Role
-from steerlab.teleop.study.new import new_study
-from steerlab.teleop.study.runner import RunConfig
-from steerlab.teleop.study.scripted import ScriptedParticipant
-from steerlab.teleop.study.study import Study
+from steerlab.app.console.experimenter_pages import COOKIE
+from steerlab.app.console.forms import csrf_token
+from steerlab.app.console.rendering import STATIC_TYPES, static_files
+from steerlab.study.contract import Role
+from steerlab.study.new import new_study
+from steerlab.study.runner import RunConfig
+from steerlab.study.scripted import ScriptedParticipant
+from steerlab.study.study import Study
 
 FINISHED = 34  # as many as taught in the paper
 PEOPLE = 50
@@ -92,7 +92,7 @@ def _enrol(folder: Path) -> dict[str, str]:
 @contextmanager
 def _console(folder: Path) -> Iterator[tuple[str, str]]:
     """``steerlab console``: its address, and the link by which the experimenter signs in."""
-    command = [sys.executable, "-m", "steerlab.teleop.cli", "console", str(folder), "--port", "0"]
+    command = [sys.executable, "-m", "steerlab.app.cli", "console", str(folder), "--port", "0"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     try:

@@ -12,15 +12,15 @@ from time import perf_counter, perf_counter_ns, sleep
 import numpy as np
 
 from benchmarks.rows import Row, at_most, print_rows
-from steerlab.analysis.recording.rebuild import rebuild_recording
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.labelling import labelled_step
 from steerlab.sim.records import LabelledStep
 from steerlab.sim.rollout import Rollout
 from steerlab.sim.world import WorldSpec
+from steerlab.study.recording.rebuild import rebuild_recording
+from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
+from steerlab.study.replay import view_of
 from steerlab.teleop.devices.contract import DeviceInfo, InputKind
-from steerlab.teleop.recording.session_recorder import SessionInfo, SessionRecorder
-from steerlab.teleop.replay import view_of
 from steerlab.teleop.timing import StepTiming
 
 STEPS = 1200  # a minute at 20 Hz

@@ -19,7 +19,7 @@ _MUJOCO = ["-c", "import mujoco"]
 # MIND MELD, every other rung of the ladder, and what reads a trained one.
 _MAPPER = ["-c", "import steerlab.learning.ladder, steerlab.learning.checkpoint"]
 _ENGINE = ["-c", "import steerlab.sim.engine.driving"]
-_STEERLAB = ["-m", "steerlab.teleop.cli"]
+_STEERLAB = ["-m", "steerlab.app.cli"]
 
 
 def run() -> list[Row]:

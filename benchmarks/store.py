@@ -15,9 +15,9 @@ from benchmarks.rows import Row, at_least, at_most, print_rows
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import COLUMNS, LABELLED_STEP_SCHEMA, Gate, LabelledStep, row_from_step
 from steerlab.sim.shards import read_shards, write_shard
-from steerlab.sim.store import StudyStore
-from steerlab.sim.store_records import StoredRollout
 from steerlab.sim.world import WorldSpec
+from steerlab.study.store.records import StoredRollout
+from steerlab.study.store.store import StudyStore
 
 STEPS = 4_000
 TABLE_ROWS = 200_000

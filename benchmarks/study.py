@@ -6,11 +6,11 @@ from statistics import median
 from time import perf_counter
 
 from benchmarks.rows import Row, at_most, print_rows
-from steerlab.teleop.study.contract import PhaseKind, Role
-from steerlab.teleop.study.new import new_study
-from steerlab.teleop.study.runner import RunConfig
-from steerlab.teleop.study.scripted import ScriptedParticipant
-from steerlab.teleop.study.study import Study
+from steerlab.study.contract import PhaseKind, Role
+from steerlab.study.new import new_study
+from steerlab.study.runner import RunConfig
+from steerlab.study.scripted import ScriptedParticipant
+from steerlab.study.study import Study
 
 TRAINING, TEST = 8, 3
 EPOCHS = 5  # what the network is worth does not change how long w takes

@@ -21,19 +21,19 @@ from steerlab.learning.policy_training import TrainingRows
 from steerlab.sim.records import LabelledStep
 from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherStyle
 from steerlab.sim.tasks import make_task
+from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
+from steerlab.study.recording.writer import AttemptWriter
+from steerlab.study.teaching.conditions import TAUGHT
+from steerlab.study.teaching.learning import warm_up
+from steerlab.study.teaching.lesson import Lesson, make_lesson
+from steerlab.study.teaching.scripted_hand import ScriptedHand
 from steerlab.teleop.drives.live import LiveDrive
 from steerlab.teleop.gates import LoopHealth
 from steerlab.teleop.loop import run_drive
 from steerlab.teleop.pacing import PacingConfig, WallClock, no_garbage_collection
-from steerlab.teleop.recording.session_recorder import SessionInfo, SessionRecorder
-from steerlab.teleop.recording.writer import AttemptWriter
 from steerlab.teleop.screen.contract import DriveView
 from steerlab.teleop.screen.drive_screen import DriveScreen, open_screen
 from steerlab.teleop.sdl import SdlEvents
-from steerlab.teleop.teaching.conditions import TAUGHT
-from steerlab.teleop.teaching.learning import warm_up
-from steerlab.teleop.teaching.lesson import Lesson, make_lesson
-from steerlab.teleop.teaching.scripted_hand import ScriptedHand
 from steerlab.teleop.timing import StepTiming
 
 ROUNDS = 12

@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from benchmarks.rows import Row, at_most, print_rows
+from steerlab.app.doctor_loop import measure_loop
 from steerlab.sim.errors import SteerlabError
-from steerlab.teleop.doctor_loop import measure_loop
 from steerlab.teleop.screen.drive_screen import open_screen
 from steerlab.teleop.sdl import SdlEvents
 

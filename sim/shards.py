@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from steerlab.sim.files import whole_file
+from steerlab.sim.files.whole_file import whole_file
 from steerlab.sim.records import LABELLED_STEP_SCHEMA, SCHEMA_VERSION, InvalidRecord
 
 ROWS_PER_GROUP = 65_536

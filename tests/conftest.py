@@ -1,6 +1,8 @@
-"""Rollouts that tests of teachers and of mappers share."""
+"""Rollouts that tests of teachers and of mappers share, and an X server of a test's own."""
 
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from hypothesis import settings
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.rollout import FloatArray, Outcome, Rollout
 from steerlab.sim.world import WorldSpec
+from tests.teleop.display import Display
 
 # How long an example takes is a matter of the machine, and of what else it does.
 settings.register_profile("steerlab", deadline=None)
@@ -38,3 +41,13 @@ def _flat_rollout(label: FloatArray, *, name: str = "one", control_hz: float = 2
 def make_rollout() -> Callable[..., Rollout]:
     """``make_rollout(label, name=, control_hz=)``: these oracle labels, and a car that stands."""
     return _flat_rollout
+
+
+@pytest.fixture
+def x_display(tmp_path: Path) -> Iterator[str]:
+    """What ``DISPLAY`` is to be, for windows that a person sits before."""
+    if shutil.which("Xvfb") is None:
+        pytest.skip("not installed: Xvfb")
+    display = Display(tmp_path)
+    yield display.environment["DISPLAY"]
+    display.close()

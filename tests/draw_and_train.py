@@ -34,7 +34,7 @@ def train() -> None:
 
 def run(steps: list[str], command: list[str]) -> int:
     """Each step in turn, until one fails."""
-    from steerlab.teleop.cli import main
+    from steerlab.app.cli import main
 
     for step in steps:
         if step in ("draw", "train"):

@@ -31,9 +31,9 @@ def _without_posix() -> ModuleType:
 HIDDEN = _without_posix()
 FILES = sorted(path for layer in HIDDEN.LAYERS for path in (TOP / layer).rglob("*.py"))
 GUARDED = {
-    ("sim/files.py", "os.O_DIRECTORY"),
-    ("teleop/machine.py", "os.sched_getaffinity"),
-    ("teleop/machine.py", "os.getloadavg"),
+    ("sim/files/whole_file.py", "os.O_DIRECTORY"),
+    ("sim/files/machine.py", "os.sched_getaffinity"),
+    ("sim/files/machine.py", "os.getloadavg"),
 }
 """Names that not every system has, and the only places that use them: where they are asked for."""
 

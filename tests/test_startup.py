@@ -11,27 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from steerlab.teleop.cli import VERBS
+from steerlab.app.cli import VERBS
 
 TOP = Path(__file__).parents[1]
 
 # Whoever trains, loads or asks a network. Everything else in these layers needs no torch.
 WITH_NETWORKS = {
     "sim": [],
-    "analysis": [],
-    "teleop": [
-        "fit",
-        "fit_report",
-        "population_run",
-        "simulate",
-        "simulation_report",
-        "synthetic",
-        "teach",
-        "teach_config",
-        "teach_people",
-        "teach_shards",
-        "teach_units",
-        "teach_worker",
+    "teleop": [],
+    "study": [
         "teaching.classroom",
         "teaching.course",
         "teaching.driver",
@@ -46,6 +34,21 @@ WITH_NETWORKS = {
         "teaching.subject",
         "teaching.trials",
         "teaching.window_host",
+    ],
+    "analysis": [],
+    "app": [
+        "fit",
+        "fit_report",
+        "population_run",
+        "simulate",
+        "simulation_report",
+        "synthetic",
+        "teach",
+        "teach_config",
+        "teach_people",
+        "teach_shards",
+        "teach_units",
+        "teach_worker",
     ],
 }
 NOT_ALWAYS_INSTALLED = ["steerlab.sim.engine.drive_to_ball"]  # the extra dm-control
@@ -126,17 +129,20 @@ def test_what_needs_no_network_brings_no_torch(layer):
     assert _brought(_modules(layer, WITH_NETWORKS[layer]), ("torch",)) == {}
 
 
-def test_the_store_teachers_and_rollouts_compile_nothing():
+def test_records_teachers_and_the_store_compile_nothing():
     """Planning needs numba and driving MuJoCo; the rest of ``sim`` neither."""
     drives = ("engine.", "ground_truth.", "calibration_generator", "recorder", "tasks", "wizard")
     plain = [one for one in _modules("sim", []) if not one.startswith(_under("sim", *drives))]
+    plain += [one for one in _modules("study", []) if one.startswith(_under("study", "store."))]
     assert _brought(plain, ("numba", "mujoco", "scipy", "matplotlib", "torch")) == {}
 
 
 def test_surveys_and_records_bring_neither_statistics_nor_figures():
-    found = _modules("analysis", ["surveys.reliability"])  # Cronbach's alpha has an interval
-    plain = [one for one in found if one.startswith(_under("analysis", "study_data.", "surveys."))]
-    plain.append("steerlab.analysis.summary")
+    reliability = "steerlab.study.surveys.reliability"  # Cronbach's alpha has an interval
+    surveys = [one for one in _modules("study", []) if one.startswith(_under("study", "surveys."))]
+    plain = [one for one in surveys if one != reliability]
+    plain += ["steerlab.analysis.summary", "steerlab.analysis.study_data.records"]
+    plain += ["steerlab.analysis.study_data.conditions_file"]
     assert _brought(plain, ("numba", "scipy", "matplotlib", "torch")) == {}
 
 
@@ -147,9 +153,12 @@ def test_statistics_bring_no_compiler_and_no_figures():
 
 
 def test_wheel_study_and_console_bring_no_learning():
-    without = [*WITH_NETWORKS["teleop"], *WITH_STATISTICS_OR_FIGURES]
     heavy = ("torch", "numba", "scipy.stats", "scipy.signal", "matplotlib")
-    assert _brought(_modules("teleop", without), heavy) == {}
+    without = [*WITH_NETWORKS["app"], *WITH_STATISTICS_OR_FIGURES]
+    reliability = "surveys.reliability"  # Cronbach's alpha has an interval
+    modules = _modules("teleop", [])
+    modules += _modules("study", [*WITH_NETWORKS["study"], reliability])
+    assert _brought([*modules, *_modules("app", without)], heavy) == {}
 
 
 def test_learning_without_networks_is_numpy():
@@ -173,7 +182,7 @@ def test_help_brings_nothing():
     )  # fmt: skip
     code = (
         "import sys, json\n"
-        "from steerlab.teleop.cli import main\n"
+        "from steerlab.app.cli import main\n"
         "lines, packages = json.loads(sys.argv[1])\n"
         "brought = {}\n"
         "for line in lines:\n"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from steerlab.teleop.cli import VERBS
+from steerlab.app.cli import VERBS
 from tests.teleop.display import Display
 
 PROGRAM = Path(__file__).with_name("draw_and_train.py")
@@ -99,7 +99,7 @@ def display(tmp_path_factory):
 def study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study") / "study"
     for act in (("new", folder), ("run", folder, "--teacher", "scripted:human:3")):
-        done = _run("-m", "steerlab.teleop.cli", "study", *act, folder=folder.parent)
+        done = _run("-m", "steerlab.app.cli", "study", *act, folder=folder.parent)
         assert done.returncode == 0, done.stderr
     return folder
 

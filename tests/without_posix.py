@@ -24,7 +24,7 @@ from types import ModuleType
 from typing import Any
 
 TOP = Path(__file__).parents[1]
-LAYERS = ("assets", "sim", "learning", "analysis", "teleop")
+LAYERS = ("assets", "sim", "learning", "teleop", "study", "analysis", "app")
 
 MODULES = ("crypt", "curses", "evdev", "fcntl", "grp", "nis", "pty", "pwd", "readline", "resource")
 MODULES += ("spwd", "syslog", "termios", "tty")
@@ -116,7 +116,7 @@ def import_all() -> int:
 
 def run(arguments: list[str]) -> int:
     """The commands one after another, until one fails."""
-    from steerlab.teleop.cli import main
+    from steerlab.app.cli import main
 
     command: list[str] = []
     for argument in [*arguments, "::"]:

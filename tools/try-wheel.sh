@@ -17,7 +17,7 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-import steerlab.teleop.cli as cli
+import steerlab.app.cli as cli
 
 assert Path(cli.__file__).is_relative_to(Path(sys.argv[1]) / "venv"), cli.__file__
 left_out = [name for name in ("dm_control", "statsmodels", "pytest") if find_spec(name) is None]

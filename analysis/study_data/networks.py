@@ -10,7 +10,7 @@ import numpy as np
 from steerlab.analysis.study_data.records import Embeddings, HeldOut, Role
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.splits import StudySplit
-from steerlab.sim.files import whole_file
+from steerlab.sim.files.whole_file import whole_file
 
 if TYPE_CHECKING:
     from steerlab.learning.mapper import LabelMapper, MindMeldMapper

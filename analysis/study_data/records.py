@@ -7,11 +7,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from steerlab.analysis.surveys.answer_format import Value
-from steerlab.analysis.surveys.questionnaire import Questionnaire
 from steerlab.learning.series import LabelSeries
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.rollout import FloatArray
+from steerlab.study.surveys.answer_format import Value
+from steerlab.study.surveys.questionnaire import Questionnaire
 
 Role = Literal["training", "test"]
 """Training participants teach the mapper; a population run's seen people are such."""

@@ -9,9 +9,9 @@ import numpy as np
 from steerlab.analysis.statistics.outcome import NotComputable
 from steerlab.analysis.study_data.records import Person, StudyData
 from steerlab.analysis.style.person_style import PersonStyle
-from steerlab.analysis.surveys.questionnaire import Questionnaire
-from steerlab.analysis.surveys.scoring import score
 from steerlab.sim.rollout import FloatArray
+from steerlab.study.surveys.questionnaire import Questionnaire
+from steerlab.study.surveys.scoring import score
 
 Topic = Literal["personality", "games", "driving", "trust", "amplitude", "timing", "other"]
 

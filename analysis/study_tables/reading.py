@@ -8,8 +8,8 @@ from markupsafe import Markup
 from steerlab.analysis.figures.learners import learner_name
 from steerlab.analysis.figures.study import METRIC_WORDS
 from steerlab.analysis.study_tables.plain import EMPTY, is_empty
-from steerlab.analysis.surveys.questionnaire import Questionnaire
 from steerlab.analysis.wording import decimal, percent
+from steerlab.study.surveys.questionnaire import Questionnaire
 
 _MINUS = "\u2212"
 VERDICTS = {

@@ -8,9 +8,9 @@ import numpy as np
 from steerlab.analysis.study_data.records import Person, StudyData
 from steerlab.analysis.study_tables.constructs import asked_of, main_scales
 from steerlab.analysis.study_tables.plain import empty, plain
-from steerlab.analysis.surveys.questionnaire import Questionnaire
-from steerlab.analysis.surveys.reliability import cronbach_alpha
-from steerlab.analysis.surveys.scoring import keyed_table
+from steerlab.study.surveys.questionnaire import Questionnaire
+from steerlab.study.surveys.reliability import cronbach_alpha
+from steerlab.study.surveys.scoring import keyed_table
 
 NO_SURVEYS = "nobody was asked a questionnaire with a scale"
 

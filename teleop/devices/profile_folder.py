@@ -12,7 +12,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from steerlab.sim.errors import SteerlabError
-from steerlab.sim.files import whole_file
+from steerlab.sim.files.whole_file import whole_file
 from steerlab.teleop.devices.contract import DeviceError
 from steerlab.teleop.devices.joystick import JoystickInfo
 from steerlab.teleop.devices.profile import WheelProfile

@@ -5,8 +5,8 @@ from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.labelling import labelled_step, labelled_table
 from steerlab.sim.populations import sample_population
 from steerlab.sim.records import table_from_steps
-from steerlab.sim.store import StudyStore
-from steerlab.sim.store_records import StoredRollout
+from steerlab.study.store.records import StoredRollout
+from steerlab.study.store.store import StudyStore
 from steerlab.teleop.devices.contract import DeviceInfo, DeviceSample, InputKind
 from steerlab.teleop.devices.scripted import ScriptedDevice
 from steerlab.teleop.drives.replay import Replay

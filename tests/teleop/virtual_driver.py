@@ -14,9 +14,10 @@ from time import perf_counter
 
 from before_screen import sit_before  # pyright: ignore[reportMissingImports]
 
+from steerlab.app.cli import main
 from steerlab.sim.geometry import bearing_rad
-from steerlab.teleop import sdl, sitting
-from steerlab.teleop.cli import main
+from steerlab.study import sitting
+from steerlab.teleop import sdl
 from steerlab.teleop.devices.virtual import VirtualJoystick
 from steerlab.teleop.screen.drive_screen import DriveScreen
 from steerlab.teleop.sdl import pygame

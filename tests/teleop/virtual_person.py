@@ -17,10 +17,11 @@ from time import perf_counter, sleep
 
 from before_screen import sit_before  # pyright: ignore[reportMissingImports]
 
+from steerlab.app import loop_check
+from steerlab.app.cli import main
 from steerlab.sim.geometry import bearing_rad
 from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.teleop import loop_check, sitting
-from steerlab.teleop.cli import main
+from steerlab.study import sitting
 from steerlab.teleop.devices.contract import DeviceError
 from steerlab.teleop.devices.profile_folder import save_profile
 from steerlab.teleop.devices.virtual import VirtualJoystick

@@ -19,18 +19,18 @@ from before_screen import sit_before  # pyright: ignore[reportMissingImports]
 from teaching.conftest import short_task  # pyright: ignore[reportMissingImports]
 from virtual_person import NAME, Person  # pyright: ignore[reportMissingImports]
 
+from steerlab.app import loop_check
+from steerlab.app.cli import main
 from steerlab.sim.errors import NoPath
 from steerlab.sim.ground_truth import Planner
 from steerlab.sim.tasks import make_task
 from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.teleop import loop_check
-from steerlab.teleop.cli import main
+from steerlab.study.teaching import classroom
+from steerlab.study.teaching.robot import Robot
+from steerlab.study.teaching.window_host import WindowHost
 from steerlab.teleop.devices.contract import Button, DeviceError
 from steerlab.teleop.devices.profile_folder import save_profile
 from steerlab.teleop.sdl import pygame
-from steerlab.teleop.teaching import classroom
-from steerlab.teleop.teaching.robot import Robot
-from steerlab.teleop.teaching.window_host import WindowHost
 
 TAKE_OVER = 4  # the button's number
 

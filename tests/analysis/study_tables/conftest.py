@@ -16,8 +16,8 @@ from steerlab.analysis.study_data.records import (
     StudyData,
 )
 from steerlab.analysis.study_tables.tables import Analysis, AnalysisConfig, analyse
-from steerlab.analysis.surveys.questionnaire_file import shipped_questionnaires
 from steerlab.learning.series import LabelSeries
+from steerlab.study.surveys.questionnaire_file import shipped_questionnaires
 
 QUESTIONNAIRES = (
     "demographics",

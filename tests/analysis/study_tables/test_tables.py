@@ -14,9 +14,9 @@ from steerlab.analysis.study_tables.constructs import main_scales
 from steerlab.analysis.study_tables.csv_files import csv_files
 from steerlab.analysis.study_tables.plain import is_empty, plain
 from steerlab.analysis.study_tables.tables import KEYS
-from steerlab.analysis.surveys.questionnaire_file import shipped_questionnaires
-from steerlab.analysis.surveys.reliability import cronbach_alpha
-from steerlab.analysis.surveys.scoring import keyed_table
+from steerlab.study.surveys.questionnaire_file import shipped_questionnaires
+from steerlab.study.surveys.reliability import cronbach_alpha
+from steerlab.study.surveys.scoring import keyed_table
 
 
 def rows_of(analysis, key: str) -> dict[str, dict]:

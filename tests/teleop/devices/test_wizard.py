@@ -2,13 +2,7 @@
 
 import pytest
 
-from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.teleop.devices.contract import Button, DeviceError
-from steerlab.teleop.devices.profile_folder import save_profile, user_profiles
-from steerlab.teleop.devices.virtual import GAMEPAD, VirtualJoystick
-from steerlab.teleop.devices.wheel import WheelDevice
-from steerlab.teleop.screen.contract import Act
-from steerlab.teleop.wheel_commands import (
+from steerlab.app.wheel_commands import (
     NONE_FOUND,
     calibrate_wheel,
     find_wheels,
@@ -18,6 +12,12 @@ from steerlab.teleop.wheel_commands import (
     watch_lines,
     watch_on_screen,
 )
+from steerlab.sim.vehicle import WHEEL_LIMIT
+from steerlab.teleop.devices.contract import Button, DeviceError
+from steerlab.teleop.devices.profile_folder import save_profile, user_profiles
+from steerlab.teleop.devices.virtual import GAMEPAD, VirtualJoystick
+from steerlab.teleop.devices.wheel import WheelDevice
+from steerlab.teleop.screen.contract import Act
 
 
 class Person:

@@ -1,0 +1,171 @@
+"""``steerlab analyze``: every table, figure and hypothesis of a study, as one folder."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from steerlab.analysis.study_data.conditions_file import left_out_teachers, read_conditions
+from steerlab.analysis.study_data.errors import NotAStudy
+from steerlab.analysis.study_data.networks import Progress
+from steerlab.analysis.study_data.population import is_population_run, read_population
+from steerlab.analysis.study_data.records import ConditionValue, Exclusion, StudyData
+from steerlab.analysis.study_data.study_data import read_study
+from steerlab.analysis.study_tables.csv_files import csv_files
+from steerlab.analysis.study_tables.deviations import deviations
+from steerlab.analysis.study_tables.report import AnalysisReport, render_analysis
+from steerlab.analysis.study_tables.tables import AnalysisConfig, analyse
+from steerlab.sim.files.output_folder import OutputError, output_folder
+from steerlab.sim.files.provenance import versions
+from steerlab.study.opened import DATABASE
+
+REPORT, PAGE, TABLES, SUMMARY = "report", "index.html", "tables.json", "summary.json"
+SCHEMA = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnalyzeConfig:
+    """What is analysed, and how.
+
+    Attributes:
+        networks: how many are trained (or taken from the run) without the held-out rollouts.
+        conditions: a table or a ``steerlab teach`` run with the outcomes of conditions.
+    """
+
+    analysis: AnalysisConfig = field(default_factory=AnalysisConfig)
+    networks: int = 1
+    conditions: Path | None = None
+
+
+def default_out(folder: Path) -> Path:
+    """Where ``report/`` goes: into a study; beside a population run's own report."""
+    return folder / "analysis" if is_population_run(folder) else folder
+
+
+def analyze(
+    folder: Path,
+    config: AnalyzeConfig,
+    out: Path,
+    *,
+    force: bool,
+    command: str,
+    progress: Progress,
+) -> dict[str, Any]:
+    """Analyse ``folder`` and write ``out/report/``: page, ``tables.json``, CSVs, ``summary.json``.
+
+    An earlier analysis there is replaced.
+
+    Returns:
+        the summary.
+
+    Raises:
+        SteerlabError: nothing to analyse, or no place to write; what was there stays.
+    """
+    started = perf_counter()
+    progress("reading", 0.0)
+    data = _read(folder, config, progress)
+    read_s = perf_counter() - started
+    progress("computing the tables", 0.0)
+    analysis = analyse(data, config.analysis)
+    tables_s = perf_counter() - started - read_s
+    progress("writing the report", 0.0)
+    files = csv_files(analysis.tables)
+    seconds = {"read_and_train": read_s, "tables": tables_s}
+    found = versions()
+    page = render_analysis(
+        AnalysisReport(
+            analysis=analysis,
+            versions=found,
+            seconds=seconds,
+            command=command,
+            files=tuple(files),
+        )
+    )
+    summary = _summary(data, analysis.tables, found, seconds | {"all": perf_counter() - started})
+    report = out / REPORT
+    ours = (report / TABLES).is_file()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"Cannot write to {out}: {error.strerror or error}; choose another --out."
+        ) from error
+    with output_folder(report, force=force or ours) as fresh:
+        (fresh / PAGE).write_text(page, encoding="utf-8")
+        (fresh / TABLES).write_text(analysis.to_json(), encoding="utf-8")
+        text = json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        (fresh / SUMMARY).write_text(text, encoding="utf-8")
+        for name, csv in files.items():
+            (fresh / name).write_text(csv, encoding="utf-8")
+    progress("writing the report", 1.0)
+    return summary
+
+
+def _read(folder: Path, config: AnalyzeConfig, progress: Progress) -> StudyData:
+    if (folder / DATABASE).is_file():
+        data = read_study(folder, networks=config.networks, progress=progress)
+    elif is_population_run(folder):
+        data = read_population(folder, networks=config.networks, progress=progress)
+    else:
+        raise NotAStudy(
+            f"{folder} is no study and no population run: it has neither {DATABASE} nor "
+            f"labels/seen.parquet. Give a folder made by steerlab study new or steerlab simulate; "
+            f"outcomes of steerlab teach are given beside one of them, with --conditions."
+        )
+    if config.conditions is None:
+        return data
+    found = with_conditions(data, read_conditions(config.conditions))
+    return replace(
+        found,
+        exclusions=(*found.exclusions, *left_out_teachers(config.conditions)),
+        notices=(
+            *found.notices,
+            f"Outcomes of conditions were read from {config.conditions.name}, which is not part of "
+            f"what is on record here.",
+        ),
+    )
+
+
+def with_conditions(data: StudyData, values: Sequence[ConditionValue]) -> StudyData:
+    """``data`` with outcomes of conditions; of a study, only those of people who count."""
+    counted = {one.id for one in data.people}
+    strangers = dict.fromkeys(one.person for one in values if one.person not in counted)
+    if data.kind == "population run":  # its teachers are others than those who taught
+        return replace(data, conditions=(*data.conditions, *values))
+    left = tuple(
+        Exclusion(what="person", who=one, why="outcomes of conditions, but does not count here")
+        for one in strangers
+    )
+    kept = tuple(one for one in values if one.person in counted)
+    return replace(
+        data,
+        conditions=(*data.conditions, *kept),
+        exclusions=(*data.exclusions, *left),
+    )
+
+
+def _summary(
+    data: StudyData,
+    tables: Mapping[str, Any],
+    found: Mapping[str, str],
+    seconds: Mapping[str, float],
+) -> dict[str, Any]:
+    return {
+        "schema": SCHEMA,
+        "verb": "analyze",
+        "kind": data.kind,
+        "title": data.title,
+        "simulated": data.simulated,
+        "plan_sha256": data.plan.sha256 if data.plan else None,
+        "analysed": tables["exclusions"]["analysed"],
+        "hypotheses": {
+            row["id"]: {"verdict": row["verdict"], "p_corrected": row["p_corrected"]}
+            for row in tables["hypotheses"]
+        },
+        "deviations": deviations(data, tables["hypotheses"]),
+        "notices": list(data.notices),
+        "versions": dict(sorted(found.items())),
+        "seconds": {name: round(value, 2) for name, value in seconds.items()},
+    }

@@ -1,0 +1,126 @@
+"""``steerlab``: the command line, and the only place where everything is put together.
+
+Each verb is a typed function in ``verbs``. Only the named verb's module is read, and what a verb
+needs is imported inside it, so that ``--help`` answers at once.
+"""
+
+import io
+import os
+import signal
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+VERBS: dict[str, str] = {
+    "demo": "science",
+    "doctor": "machine",
+    "wheel": "live",
+    "drive": "live",
+    "correct": "live",
+    "replay": "live",
+    "study": "study",
+    "console": "console",
+    "simulate": "science",
+    "fit": "science",
+    "synthetic": "science",
+    "teach": "teach",
+    "analyze": "analyze",
+    "power": "power",
+    "calibration-set": "machine",
+}
+"""Each verb, and the module of ``verbs`` that its function is in."""
+
+_SIGPIPE = getattr(signal, "SIGPIPE", 13)  # Windows has no such signal
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one verb: 0 all well, 1 it found something wrong, 2 it could not be done."""
+    _print_every_character()
+    try:
+        try:
+            return _run(list(sys.argv[1:] if arguments is None else arguments))
+        finally:
+            sys.stdout.flush()  # here, where a reader that has gone can still be told of
+    except BrokenPipeError:  # whoever read what we print has seen enough, such as ``head``
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + _SIGPIPE
+    except OSError as error:
+        where = f" {error.filename}" if error.filename else ""
+        print(f"steerlab: {error.strerror or error}{where}; check the path.", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("steerlab: stopped.", file=sys.stderr)
+        return 128 + signal.SIGINT
+
+
+def _print_every_character() -> None:
+    """Files get UTF-8, as all that steerlab writes; a terminal shows ? for what it cannot."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            if stream.isatty():
+                stream.reconfigure(errors="replace")
+            else:
+                stream.reconfigure(encoding="utf-8")
+
+
+def verb_function(verb: str) -> Callable[..., int]:
+    """What does the work of a verb; imports its module, and no other's."""
+    module = import_module(f"steerlab.app.verbs.{VERBS[verb]}")
+    return getattr(module, verb.replace("-", "_"))
+
+
+def _run(arguments: list[str]) -> int:
+    first, *rest = arguments or ["--help"]
+    verb = first.replace("_", "-")
+    if verb in VERBS:
+        return _run_verb(verb, rest)
+    if first in ("-h", "--help"):
+        from steerlab.app.verbs.overview import overview
+
+        print("\n".join(overview({name: verb_function(name) for name in VERBS})))
+        return 0
+    if first == "--version":
+        from importlib.metadata import version
+
+        print(f"steerlab {version('steerlab')}")
+        return 0
+    if first.startswith("--tyro-"):  # writes a shell's completion, which knows every verb
+        import tyro
+
+        every: dict[str, Callable[..., Any]] = {name: verb_function(name) for name in VERBS}
+        return tyro.extras.subcommand_cli_from_dict(every, prog="steerlab", args=arguments)
+    print(f"steerlab: {_no_verb(first)}", file=sys.stderr)
+    return 2
+
+
+def _run_verb(verb: str, arguments: list[str]) -> int:
+    import logging
+
+    import tyro
+
+    from steerlab.sim.errors import SteerlabError
+
+    logging.basicConfig(format="steerlab: %(message)s", level=logging.WARNING)
+    try:
+        return tyro.cli(verb_function(verb), prog=f"steerlab {verb}", args=arguments)
+    except SteerlabError as error:
+        print(f"steerlab: {error}", file=sys.stderr)
+        return 2
+
+
+def _no_verb(given: str) -> str:
+    from difflib import get_close_matches
+
+    close = get_close_matches(given, VERBS, n=1)
+    cause = f"{given!r} is no verb"
+    if given.startswith("-"):
+        cause = (
+            f"{given!r} comes before a verb; options follow the verb, as in steerlab VERB {given}"
+        )
+    meant = f" Did you mean {close[0]}?" if close else ""
+    return f"{cause}.{meant} Choose from {', '.join(VERBS)}; steerlab --help says more."
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,116 @@
+"""The console as one web application: which address leads to which page."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager, suppress
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+from starlette.types import ASGIApp
+
+from steerlab.app.console import texts
+from steerlab.app.console.checkup import Checkup
+from steerlab.app.console.desk import Desk
+from steerlab.app.console.experimenter_pages import ExperimenterPages
+from steerlab.app.console.forms import BadForm
+from steerlab.app.console.guard import Guard
+from steerlab.app.console.guesses import Guesses
+from steerlab.app.console.live import Changes
+from steerlab.app.console.participant_pages import ParticipantPages
+from steerlab.app.console.rendering import message_page, static_file
+from steerlab.app.console.sign_in import SignIn
+from steerlab.app.console.wheel_run import WheelRuns
+
+_LOG = logging.getLogger(__name__)
+
+
+def make_app(
+    desk: Desk,
+    runs: WheelRuns,
+    checkup: Checkup,
+    sign_in: SignIn,
+    *,
+    origins: Sequence[str],
+    address: str,
+    guesses: Guesses | None = None,
+    changes: Changes | None = None,
+) -> ASGIApp:
+    """The application, behind its guard.
+
+    Args:
+        origins: every ``scheme://host:port`` it may be opened by.
+        address: the one that participants' links begin with.
+        guesses: counts wrong links and passwords.
+        changes: for who wants to end the open pages' streams.
+    """
+    changes = changes or Changes(desk, runs.mark, checkup.mark)
+    guesses = guesses or Guesses()
+    person = ParticipantPages(desk, changes, guesses)
+    lab = ExperimenterPages(desk, runs, checkup, changes, sign_in, guesses, origin=address)
+
+    @asynccontextmanager
+    async def follow(app: Starlette) -> AsyncIterator[None]:
+        await changes.look()
+        watching = asyncio.create_task(changes.watch())
+        try:
+            yield
+        finally:
+            changes.close()
+            watching.cancel()
+            with suppress(asyncio.CancelledError):
+                await watching
+
+    questions = "/p/{token}/{phase}/{number:int}"
+    post = ["POST"]
+    routes = [
+        Route("/", lab.people),
+        Route("/enter/{token}", lab.enter),
+        Route("/sign-in", lab.sign_in, methods=post),
+        Route("/sign-out", lab.sign_out, methods=post),
+        Route("/checks", lab.checks, methods=["GET", "POST"]),
+        Route("/events", lab.events),
+        Route("/enrol", lab.enrol, methods=post),
+        Route("/participants/{participant}", lab.person),
+        Route("/participants/{participant}/{act}", lab.act, methods=post),
+        Route("/p/{token}", person.show),
+        Route("/p/{token}/events", person.events),
+        Route("/p/{token}/consent", person.consent, methods=post),
+        Route("/p/{token}/{phase}/done", person.done, methods=post),
+        Route(questions, person.questions, methods=["GET", "POST"]),
+        Route(f"{questions}/answer", person.answer, methods=post),
+        Route("/static/{name}", static_file),
+    ]
+    app = Starlette(
+        routes=routes,
+        lifespan=follow,
+        exception_handlers={
+            HTTPException: _not_found,
+            BadForm: _bad_form,
+            Exception: _went_wrong,
+        },
+    )
+    app.router.redirect_slashes = False
+    return Guard(app, origins=origins)
+
+
+async def _not_found(request: Request, error: Exception) -> Response:
+    status = error.status_code if isinstance(error, HTTPException) else 404
+    if status == 405:  # the back button after a form was sent: GET of what only takes POST
+        home = f"/p/{request.path_params['token']}" if "token" in request.path_params else "/"
+        return message_page(texts.STALE_TITLE, texts.STALE_TEXT, status=405, link=home)
+    return message_page(texts.NOT_FOUND_TITLE, texts.NOT_FOUND_TEXT, status=status)
+
+
+async def _bad_form(request: Request, error: Exception) -> Response:
+    status = error.status if isinstance(error, BadForm) else 400
+    said = texts.REFUSED_SIZE if status == 413 else texts.REFUSED_KIND
+    return message_page(texts.REFUSED_TITLE, said, status=status)
+
+
+async def _went_wrong(request: Request, error: Exception) -> Response:
+    _LOG.error("A page failed", exc_info=error)  # not its address, which holds a link
+    return message_page(texts.ERROR_TITLE, texts.ERROR_TEXT, status=500)

@@ -1,0 +1,102 @@
+"""What every request passes before a page sees it, and the headers that every answer carries.
+
+A page of another site that the experimenter has open can send requests to this machine, and can
+point a name of its own at it (DNS rebinding): so the Host header must be ours, a request that
+changes something must come from a page of ours, and its form must fit into memory.
+"""
+
+from collections.abc import Collection
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from steerlab.app.console import texts
+
+LARGEST_BODY = 64 * 1024  # bytes; the longest questionnaire posts about 2 kB
+FORM = "application/x-www-form-urlencoded"
+READING = ("GET", "HEAD")
+
+CONTENT_POLICY = "; ".join(
+    (
+        "default-src 'none'",
+        "script-src 'self'",
+        "style-src 'self'",
+        "connect-src 'self'",
+        "form-action 'self'",
+        "frame-ancestors 'none'",
+        "base-uri 'none'",
+    )
+)
+HEADERS = {
+    "content-security-policy": CONTENT_POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), microphone=(), geolocation=(), display-capture=()",
+    "x-frame-options": "DENY",
+}
+
+
+class Guard:
+    """Refuses what no page of ours would send; wraps the whole application."""
+
+    def __init__(self, app: ASGIApp, *, origins: Collection[str]) -> None:
+        """Guard ``app``; ``origins`` are the addresses it may be opened by."""
+        self._app = app
+        self._origins = frozenset(origins)
+        self._hosts = frozenset(origin.split("//")[1] for origin in origins)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer, or refuse."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        if scope["type"] != "http":
+            return  # the server offers no other kind
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    headers[name] = value
+                headers.setdefault("cache-control", "no-store")
+            await send(message)
+
+        refusal = self._refusal(scope["method"], Headers(scope=scope))
+        if refusal is not None:
+            await refusal(scope, receive, send_with_headers)
+            return
+        await self._app(scope, receive, send_with_headers)
+
+    def _refusal(self, method: str, headers: Headers) -> PlainTextResponse | None:
+        hosts = headers.getlist("host")
+        if len(hosts) != 1 or hosts[0].lower() not in self._hosts:
+            said = texts.REFUSED_HOST.format(hosts=", ".join(sorted(self._hosts)))
+            return PlainTextResponse(said, 421)
+        if method in READING:
+            return None
+        if method != "POST":
+            return PlainTextResponse(texts.REFUSED_KIND, 405, {"allow": "GET, HEAD, POST"})
+        if not self._is_ours(headers):
+            return PlainTextResponse(texts.REFUSED_ORIGIN, 403)
+        if headers.get("content-type", "").split(";")[0].strip().lower() != FORM:
+            return PlainTextResponse(texts.REFUSED_KIND, 415)
+        length = headers.get("content-length", "0")
+        if not length.isascii() or not length.isdigit() or int(length) > LARGEST_BODY:
+            return PlainTextResponse(texts.REFUSED_SIZE, 413)
+        return None
+
+    def _is_ours(self, headers: Headers) -> bool:
+        """Sent by a page of ours, by the browser's own word.
+
+        Under ``no-referrer`` a browser sends ``Origin: null`` with a native form, so that there
+        ``Sec-Fetch-Site`` must tell; no page can set it.
+        """
+        origins = headers.getlist("origin")
+        if len(origins) > 1:
+            return False
+        if origins and origins[0] != "null":
+            return origins[0].lower() in self._origins
+        return headers.get("sec-fetch-site") == "same-origin"

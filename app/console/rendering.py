@@ -1,0 +1,78 @@
+"""Pages from templates, and the few static files; nothing else is ever served."""
+
+from collections.abc import Mapping
+from functools import cache
+from hashlib import sha256
+from importlib.resources import files
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
+
+from steerlab.app.console import texts
+
+STATIC_TYPES = {
+    "console.css": "text/css; charset=utf-8",
+    "follow.js": "text/javascript; charset=utf-8",
+    "answers.js": "text/javascript; charset=utf-8",
+    "copy.js": "text/javascript; charset=utf-8",
+}
+
+
+def page(template: str, *, status: int = 200, **values: Any) -> HTMLResponse:
+    """A page; ``t`` in a template holds all words of ``texts``."""
+    return HTMLResponse(_environment().get_template(template).render(**values), status)
+
+
+def message_page(
+    title: str, *paragraphs: str, status: int, study: str = "", link: str = "", wait_s: int = 0
+) -> HTMLResponse:
+    """A page that only says something; ``link`` is where one can go on."""
+    response = page(
+        "message.html.j2",
+        status=status,
+        study=study,
+        title=title,
+        paragraphs=paragraphs,
+        link=link,
+    )
+    if wait_s:
+        response.headers["retry-after"] = str(wait_s)
+    return response
+
+
+async def static_file(request: Request) -> Response:
+    """One of the files of ``STATIC_TYPES``; a name never becomes a path."""
+    found = static_files().get(request.path_params["name"])
+    if found is None:
+        return PlainTextResponse(texts.NOT_FOUND_TITLE, 404)
+    content, kind, tag = found
+    headers = {"etag": tag, "cache-control": "no-cache"}
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers=headers)
+    return Response(content, media_type=kind, headers=headers)
+
+
+@cache
+def static_files() -> Mapping[str, tuple[bytes, str, str]]:
+    """Content, type and entity tag, by name."""
+    folder = files("steerlab.app.console") / "static"
+    read = {name: (folder / name).read_bytes() for name in STATIC_TYPES}
+    return {
+        name: (content, STATIC_TYPES[name], f'"{sha256(content).hexdigest()[:20]}"')
+        for name, content in read.items()
+    }
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("steerlab.app.console", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals["t"] = texts
+    return environment

@@ -1,0 +1,154 @@
+"""What takes long, each in a process of its own: phases at the wheel, and erasing somebody's data.
+
+Erasing may train the network anew, which would hold up every page if the console did it.
+"""
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from steerlab.app.console import texts
+from steerlab.app.console.run_output import RunOutput
+from steerlab.sim.files.own_process import apart_from_terminal
+from steerlab.study.contract import Phase, StudyError
+
+STUDY_COMMAND = (sys.executable, "-m", "steerlab.app.cli", "study")
+LAST_LINES = 12
+LAST_BYTES = 4096
+_PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RunView:
+    """The run that goes on, or the last one.
+
+    Attributes:
+        phase: its id; empty while data are erased.
+        code: the exit code; None while it goes on.
+        last_lines: of what it wrote.
+    """
+
+    participant: str
+    phase: str
+    title: str
+    pid: int
+    since: str
+    code: int | None
+    last_lines: tuple[str, ...]
+
+    @property
+    def goes_on(self) -> bool:
+        """The process lives."""
+        return self.code is None
+
+
+class WheelRuns:
+    """Does one thing at a time; it lives on if the console dies."""
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        device: str = "wheel",
+        command: Sequence[str] = STUDY_COMMAND,
+        now: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
+        """For the study in ``folder``; ``device`` as for ``steerlab study run``."""
+        self._folder = folder.absolute()
+        self._device = device
+        self._command = tuple(command)
+        self._now = now
+        self._process: subprocess.Popen[bytes] | None = None
+        self._output: RunOutput | None = None
+        self._what = ("", "", "", "")  # participant, phase, title, since
+
+    def view(self) -> RunView | None:
+        """How the last run stands; None before the first."""
+        if self._process is None:
+            return None
+        participant, phase, title, since = self._what
+        return RunView(
+            participant=participant,
+            phase=phase,
+            title=title,
+            pid=self._process.pid,
+            since=since,
+            code=self._process.poll(),
+            last_lines=self._last_lines(),
+        )
+
+    def mark(self) -> str:
+        """Differs whenever a run was started or ended."""
+        if self._process is None:
+            return "none"
+        return f"{self._process.pid}:{self._process.poll()}"
+
+    def start(self, participant: str, phase: Phase) -> None:
+        """Begin or resume a phase.
+
+        Args:
+            participant, phase: as the study gives them; never what a form says.
+
+        Raises:
+            StudyError: another one runs, or a name could be taken for an option.
+        """
+        _check_names(participant, phase.id)
+        options = ("--participant", participant, "--phase", phase.id, "--device", self._device)
+        self._start(participant, phase.id, phase.title, "run", *options)
+
+    def erase(self, participant: str) -> None:
+        """Withdraw a participant and erase their data.
+
+        Raises:
+            StudyError: as for ``start``.
+        """
+        _check_names(participant)
+        self._start(participant, "", texts.ERASING, "withdraw", participant, "--erase")
+
+    def _start(self, participant: str, phase: str, title: str, act: str, *options: str) -> None:
+        current = self.view()
+        if current is not None and current.goes_on:
+            raise StudyError(
+                texts.RUN_BUSY.format(
+                    title=current.title, participant=current.participant, pid=current.pid
+                )
+            )
+        self._close_output()
+        self._output = RunOutput()
+        self._process = subprocess.Popen(
+            [*self._command, act, str(self._folder), *options],
+            stdin=subprocess.DEVNULL,
+            stdout=self._output.sink,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, "PYTHONIOENCODING": "utf-8"},  # as it is read; Windows has others
+            **apart_from_terminal(),
+        )
+        self._output.handed_over()
+        self._what = (participant, phase, title, self._now().strftime("%H:%M"))
+
+    def close(self) -> None:
+        """Forget the run; it goes on if it has not ended."""
+        self._close_output()
+
+    def _close_output(self) -> None:
+        if self._output is not None:
+            self._output.close()
+            self._output = None
+
+    def _last_lines(self) -> tuple[str, ...]:
+        if self._output is None:
+            return ()
+        tail = self._output.tail(LAST_BYTES).decode("utf-8", "replace")
+        lines = [line.rstrip() for line in tail.splitlines()]
+        return tuple(line for line in lines if line)[-LAST_LINES:]
+
+
+def _check_names(*names: str) -> None:
+    for name in names:
+        if not _PLAIN.fullmatch(name):
+            raise StudyError(f"{name!r} cannot be an id; use letters, digits, '-' and '_'.")

@@ -1,0 +1,209 @@
+"""``steerlab power``: simulate many studies of many sizes, go on where an earlier call stopped."""
+
+import csv
+import io
+import json
+import shutil
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import replace
+from math import ceil
+from multiprocessing import get_context
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from steerlab.analysis.power_study.blocks import BLOCK, add_up, run_block
+from steerlab.analysis.power_study.curves import PowerCurve
+from steerlab.analysis.power_study.design import PowerDesign
+from steerlab.analysis.power_study.report import PowerReport, render_power
+from steerlab.analysis.study_data.conditions_file import read_conditions
+from steerlab.analysis.study_data.errors import NotAStudy
+from steerlab.analysis.study_data.networks import Progress
+from steerlab.analysis.study_tables.conditions import outcome_table
+from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.files.kept_files import write_json
+from steerlab.sim.files.machine import worker_count
+from steerlab.sim.files.output_folder import OutputError
+from steerlab.sim.files.provenance import versions
+from steerlab.sim.rollout import FloatArray
+
+RUN_FILE, BLOCKS, SCHEMA = "power.json", "blocks", 1
+Taught = tuple[tuple[str, ...], FloatArray]
+
+
+def power(
+    design: PowerDesign,
+    out: Path,
+    *,
+    command: str,
+    progress: Progress,
+    jobs: int = 1,
+    taught: Path | None = None,
+    force: bool = False,
+) -> dict[str, Any]:
+    """Simulate what is missing in ``out``, then write ``summary.json``, ``power.csv`` and report.
+
+    More sample sizes or studies are added to those that are there; results depend neither on
+    ``jobs`` nor on where an earlier call was stopped.
+
+    Args:
+        taught: a ``steerlab teach`` run (or a table of outcomes) to draw people from.
+
+    Raises:
+        SteerlabError: bad input, or no place to write; finished blocks are kept.
+    """
+    started = perf_counter()
+    if jobs < 1:
+        raise InvalidConfig(f"jobs is {jobs}; give 1 or more.")
+    drawn = None if taught is None else _taught(taught, design.ours)
+    design = replace(design, studies=BLOCK * ceil(design.studies / BLOCK))
+    _open_folder(design, out, drawn, force)
+    _run(design, drawn, out, progress, jobs)
+    curves = _curves(design, out)
+    seconds = {"this_call": perf_counter() - started}
+    found = versions()
+    summary = {
+        "schema": SCHEMA,
+        "verb": "power",
+        "design": design.identity() | {"people": [*design.people], "studies": design.studies},
+        "outcomes_from": None if taught is None else taught.name,
+        "curves": [curve.values() for curve in curves],
+        "versions": dict(sorted(found.items())),
+        "seconds": {name: round(value, 1) for name, value in seconds.items()},
+    }
+    report = PowerReport(
+        design=design,
+        curves=curves,
+        taught="" if taught is None else taught.name,
+        versions=found,
+        seconds=seconds,
+        command=command,
+    )
+    (out / "report").mkdir(exist_ok=True)
+    (out / "report" / "index.html").write_text(render_power(report), encoding="utf-8")
+    (out / "power.csv").write_text(_csv(curves), encoding="utf-8")
+    write_json(summary, out / "summary.json")
+    return summary
+
+
+def _taught(path: Path, ours: str) -> Taught:
+    """Success after the last round, (teachers, conditions), of those who have all conditions."""
+    values = [one for one in read_conditions(path) if one.metric == "success"]
+    cells = outcome_table(values, "success")
+    names = tuple(dict.fromkeys(one.condition for one in values))
+    people = dict.fromkeys(one.person for one in values)
+    rows = [
+        [cells[who, name][0] for name in names]
+        for who in people
+        if all((who, name) in cells for name in names)
+    ]
+    if ours not in names:
+        raise NotAStudy(f"{path} has the conditions {', '.join(names)}; --ours is {ours!r}.")
+    if len(rows) < 2:
+        raise NotAStudy(f"{path} has {len(rows)} people with every condition; 2 are needed.")
+    return names, np.array(rows)
+
+
+def _open_folder(design: PowerDesign, out: Path, drawn: Taught | None, force: bool) -> None:
+    wanted = json.loads(
+        json.dumps(
+            {"schema": SCHEMA, "block": BLOCK, **design.identity()}
+            | {"taught": None if drawn is None else [list(drawn[0]), drawn[1].tolist()]}
+        )
+    )
+    try:
+        if out.exists() and not out.is_dir():
+            raise OutputError(f"{out} is a file; choose a folder for --out.")
+        if out.is_dir() and any(out.iterdir()) and _kept(out) != wanted:
+            if not force:
+                raise OutputError(
+                    f"{out} holds something else, or another design; choose another folder, give "
+                    f"the same design to go on, or add --force to begin anew."
+                )
+            shutil.rmtree(out)
+        (out / BLOCKS).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"Cannot write to {out}: {error.strerror or error}; choose another --out."
+        ) from error
+    write_json(wanted, out / RUN_FILE)
+
+
+def _kept(out: Path) -> Any:
+    try:
+        return json.loads((out / RUN_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+
+
+def _block_path(out: Path, people: int, number: int) -> Path:
+    return out / BLOCKS / f"n{people:04d}-{number:04d}.json"
+
+
+def _run(
+    design: PowerDesign, drawn: Taught | None, out: Path, progress: Progress, jobs: int
+) -> None:
+    numbers = range(design.studies // BLOCK)
+    wanted = [(people, number) for people in design.people for number in numbers]
+    missing = [one for one in wanted if not _block_path(out, *one).is_file()]
+
+    def done(place: int) -> None:
+        progress("simulating studies", (len(wanted) - len(missing) + place) / len(wanted))
+
+    done(0)
+    if jobs == 1 or len(missing) < 2:
+        for place, one in enumerate(missing, start=1):
+            write_json(run_block(design, *one, drawn), _block_path(out, *one))
+            done(place)
+        return
+    pool = ProcessPoolExecutor(
+        max_workers=worker_count(jobs, len(missing)), mp_context=get_context("spawn")
+    )
+    try:
+        waiting = {pool.submit(run_block, design, *one, drawn): one for one in missing}
+        for place, future in enumerate(as_completed(waiting), start=1):
+            write_json(future.result(), _block_path(out, *waiting[future]))
+            done(place)
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _curves(design: PowerDesign, out: Path) -> list[PowerCurve]:
+    by_size = [
+        add_up(
+            [_read(_block_path(out, people, number)) for number in range(design.studies // BLOCK)]
+        )
+        for people in design.people
+    ]
+    return [
+        PowerCurve.of(
+            test,
+            design.people,
+            [one[test] for one in by_size],
+            [design.studies] * len(design.people),
+        )
+        for test in by_size[0]
+    ]
+
+
+def _read(path: Path) -> dict[str, int]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        return {str(test): int(count) for test, count in found.items()}
+    except (ValueError, AttributeError, TypeError) as error:
+        raise OutputError(
+            f"{path} is damaged ({error}); remove it, and the same command makes it again."
+        ) from error
+
+
+def _csv(curves: list[PowerCurve]) -> str:
+    sink = io.StringIO()
+    writer = csv.writer(sink, lineterminator="\n")
+    writer.writerow(["test", "people", "power", "monte_carlo_error", "studies"])
+    for curve in curves:
+        for row in zip(curve.people, curve.power, curve.error, curve.studies, strict=True):
+            people, share, error, studies = row
+            writer.writerow([curve.test, people, f"{share:.6g}", f"{error:.6g}", studies])
+    return sink.getvalue()

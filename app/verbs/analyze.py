@@ -1,0 +1,67 @@
+"""The verb ``analyze``: tables, figures and hypotheses of a study."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from steerlab.app.verbs.common import Force, Json, print_json, progress_bar
+from steerlab.app.verbs.quick_types import PathOrNone
+
+
+def analyze(
+    study: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="STUDY")],
+    out: Annotated[
+        PathOrNone,
+        tyro.conf.arg(metavar="DIR", help="Where report/ goes; by default into the study."),
+    ] = None,
+    conditions: Annotated[
+        PathOrNone,
+        tyro.conf.arg(help="Outcomes of conditions: a .csv or .parquet, or a teach run's folder."),
+    ] = None,
+    seeds: Annotated[
+        int,
+        tyro.conf.arg(help="Networks to train without the held-out rollouts; 0 for none."),
+    ] = 1,
+    fastdtw: Annotated[
+        bool, tyro.conf.arg(help="Also the paper's fastdtw, radius 10; takes minutes.")
+    ] = False,
+    permutations: Annotated[int, tyro.conf.arg(help="Of each permutation test.")] = 9999,
+    seed: Annotated[int, tyro.conf.arg(help="Of permutations and resamples.")] = 0,
+    force: Force = False,
+    json: Json = False,
+) -> int:
+    """Every table, figure and hypothesis test of the paper, and a report to publish from.
+
+    STUDY is the folder of a study, of people or scripted, or of a simulate run.
+
+    Example: steerlab analyze my-study
+    """
+    from shlex import quote
+
+    from steerlab.analysis.study_tables.tables import AnalysisConfig
+    from steerlab.app.analyze import AnalyzeConfig, default_out
+    from steerlab.app.analyze import analyze as run
+
+    config = AnalyzeConfig(
+        analysis=AnalysisConfig(seed=seed, permutations=permutations, fastdtw=fastdtw),
+        networks=seeds,
+        conditions=conditions,
+    )
+    given = [f"--seeds {seeds}", f"--permutations {permutations}", f"--seed {seed}"]
+    given += [f"--conditions {quote(conditions.name)}"] if conditions else []
+    given += ["--fastdtw"] if fastdtw else []
+    command = " ".join(["steerlab analyze", quote(study.name), *given])
+    place = default_out(study) if out is None else out
+    with progress_bar() as progress:
+        summary = run(study, config, place, force=force, command=command, progress=progress)
+    if json:
+        print_json(summary)
+        return 0
+    for name, found in summary["hypotheses"].items():
+        print(f"{name:<4} {found['verdict']}")
+    for line in summary["deviations"]:
+        print(f"Deviates from the plan: {line}")
+    print(f"Report: {place / 'report' / 'index.html'}")
+    print(f"Tables: {place / 'report' / 'tables.json'}")
+    return 0

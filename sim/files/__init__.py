@@ -1,0 +1,1 @@
+"""Files and the machine they are on: durable writes, locks, output folders, versions."""

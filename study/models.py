@@ -1,0 +1,222 @@
+"""The network that training participants teach, frozen; and each test participant's w from it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
+
+from steerlab.learning.series import LabelSeries, series_from_table
+from steerlab.sim.files.whole_file import put, whole_file
+from steerlab.study.contract import PhaseKind, PhaseState, Role, Standing, StudyError
+from steerlab.study.frozen_files import MODELS
+from steerlab.study.opened import OpenStudy
+from steerlab.study.progress import Progress, everybody, finished_rollouts, progress_of
+from steerlab.study.store.frozen import (
+    FrozenModel,
+    StoredEmbedding,
+    insert_embedding,
+    insert_model,
+    mark_model_removed,
+    read_embeddings,
+    read_models,
+)
+
+if TYPE_CHECKING:
+    from steerlab.learning.mapper import MindMeldMapper
+
+ProgressBar = Callable[[str, float], None]
+
+
+def frozen_model(study: OpenStudy) -> FrozenModel | None:
+    """The network in use; None before training, and after its removal."""
+    in_use = [one for one in read_models(study.store.connection) if one.removed_utc is None]
+    return in_use[-1] if in_use else None
+
+
+def training_people(study: OpenStudy) -> list[Progress]:
+    """Training participants who finished, or who left their data after they had calibrated."""
+    found: list[Progress] = []
+    for place in everybody(study):
+        phase = place.of_kind(PhaseKind.CALIBRATION)
+        if (
+            place.view.role is Role.TRAINING
+            and place.view.standing in (Standing.FINISHED, Standing.WITHDRAWN_KEPT)
+            and phase is not None
+            and place.state(phase.id) is PhaseState.DONE
+        ):
+            found.append(place)
+    return found
+
+
+def train(study: OpenStudy, progress: ProgressBar) -> FrozenModel:
+    """Train the network on all who may be trained on, and freeze it; then find each w under it.
+
+    Raises:
+        StudyError: there is a frozen one already and every w is from it, or too few people
+            finished.
+    """
+    if (known := frozen_model(study)) is not None:
+        if _find_anew(study, known, progress):
+            return known
+        raise StudyError(
+            f"The network is frozen since {known.at_utc} ({known.file}); test participants are "
+            f"compared under one network, so it is not trained again."
+        )
+    plan, seed = study.current().mapper, study.current().seed
+    people = training_people(study)
+    if len(people) < plan.minimum_people:
+        raise StudyError(
+            f"{len(people)} training participants have finished; the protocol asks for "
+            f"{plan.minimum_people} (mapper.minimum_people) before the network is trained."
+        )
+    from steerlab.learning.checkpoint import save_mapper
+    from steerlab.learning.mapper import MindMeldMapper
+    from steerlab.learning.presets import preset
+
+    config = preset(plan.preset)
+    if plan.epochs is not None:
+        config = replace(config, training=replace(config.training, epochs=plan.epochs))
+    series = [one for place in people for one in _series(study, place)]
+    mapper = MindMeldMapper(
+        config, seed=seed, on_epoch=lambda done, all_: progress("training the network", done / all_)
+    )
+    mapper.fit(series)
+    names = [place.view.id for place in people]
+    inputs = _fingerprint(series)
+    part = study.folder / MODELS / ".training.part"
+    part.parent.mkdir(exist_ok=True)
+    save_mapper(mapper, part)
+    digest = sha256(part.read_bytes()).hexdigest()
+    file = f"{MODELS}/mind_meld-{digest[:12]}.safetensors"
+    put(part, study.folder / file)
+    with study.store.connection.transaction("freeze the network", durable=True):
+        insert_model(study.store.connection, file=file, sha256=digest, people=names, inputs=inputs)
+    frozen = frozen_model(study)
+    assert frozen is not None
+    _find_anew(study, frozen, progress)
+    return frozen
+
+
+def load_frozen(study: OpenStudy, model: FrozenModel) -> "MindMeldMapper":
+    """The network, if its file is what was frozen.
+
+    Raises:
+        StudyError: the file is missing or was changed.
+    """
+    path = study.folder / model.file
+    found = sha256(path.read_bytes()).hexdigest() if path.is_file() else "missing"
+    if found != model.sha256:
+        raise StudyError(
+            f"{path} is not the network that was frozen: its sha256 is {found}, it was "
+            f"{model.sha256}. Restore it from the last copy of the study."
+        )
+    from steerlab.learning.checkpoint import load_mapper
+
+    return load_mapper(path)
+
+
+def calibrate_participant(
+    study: OpenStudy, participant: str, progress: ProgressBar
+) -> StoredEmbedding:
+    """Find a test participant's w, the network frozen, and keep it; trains the network if need be.
+
+    Raises:
+        StudyError: the participant has not finished calibration, or no network can be trained.
+    """
+    model = frozen_model(study) or train(study, progress)
+    place = progress_of(study, participant)
+    missing = set(place.protocol.rollouts) - set(finished_rollouts(study, place))
+    if missing:
+        raise StudyError(
+            f"{participant} has not corrected {', '.join(sorted(missing))} yet; finish that first."
+        )
+    from steerlab.learning.checkpoint import save_mapper
+
+    mapper = load_frozen(study, model)
+    series = _series(study, place)
+    mapper.calibrate(series)
+    found = mapper.calibration(participant)
+    kept = StoredEmbedding(
+        participant=participant,
+        model_sha256=model.sha256,
+        w=found.embedding,
+        covariance=found.covariance,
+        distance=found.distance,
+        outside=found.outside,
+        inputs=_fingerprint(series),
+    )
+    with whole_file(person_file(study, model, participant)) as part:
+        save_mapper(mapper, part)
+    with study.store.connection.transaction(f"keep w of {participant!r}", durable=True):
+        insert_embedding(study.store.connection, kept)
+    return kept
+
+
+def person_file(study: OpenStudy, model: FrozenModel, participant: str) -> Path:
+    """The network together with one test participant's w, for whoever maps their labels."""
+    base = study.folder / model.file
+    return base.with_name(f"{base.stem}-{participant}.safetensors")
+
+
+def remove_models_of(study: OpenStudy, participant: str) -> None:
+    """Remove the network that the participant's labels went into, and every w from it.
+
+    Also files that a crash left without a row: nobody knows whose labels are in them.
+    """
+    for model in read_models(study.store.connection):
+        if participant in model.people and model.removed_utc is None:
+            with study.store.connection.transaction("remove the network", durable=True):
+                mark_model_removed(study.store.connection, model, f"{participant} was erased")
+    in_use = frozen_model(study)
+    keep = Path(in_use.file).stem if in_use is not None else None
+    for path in sorted((study.folder / MODELS).glob("*")):  # hidden parts too
+        known = path.name.endswith((".safetensors", ".part"))
+        if known and (keep is None or not path.name.startswith(keep)):
+            path.unlink()
+
+
+def renew(study: OpenStudy, progress: ProgressBar) -> None:
+    """After a removal: train anew if enough people are left, and find each w under the new network.
+
+    Doing it again changes nothing.
+    """
+    if not read_models(study.store.connection):
+        return
+    model = frozen_model(study)
+    if model is not None:
+        _find_anew(study, model, progress)
+    elif len(training_people(study)) >= study.current().mapper.minimum_people:
+        train(study, progress)
+
+
+def _find_anew(study: OpenStudy, model: FrozenModel, progress: ProgressBar) -> int:
+    """Find each w that comes from a network that was removed; how many there were."""
+    known = read_embeddings(study.store.connection)
+    found = 0
+    for place in everybody(study):
+        mine, phase = known.get(place.view.id), place.of_kind(PhaseKind.CALIBRATE_W)
+        done = phase is not None and place.state(phase.id) is PhaseState.DONE
+        if done and mine is not None and mine.model_sha256 != model.sha256:
+            calibrate_participant(study, place.view.id, progress)
+            found += 1
+    return found
+
+
+def _series(study: OpenStudy, place: Progress) -> list[LabelSeries]:
+    """A participant's labels of the attempts that count."""
+    attempts = finished_rollouts(study, place)
+    tables = [study.store.steps(attempts[name]) for name in sorted(attempts)]
+    return series_from_table(pa.concat_tables(tables)) if tables else []
+
+
+def _fingerprint(series: Sequence[LabelSeries]) -> str:
+    """Hash of labels and truth, to the bit."""
+    digest = sha256()
+    for one in series:
+        digest.update(f"{one.person}\0{one.rollout}\0{one.steps}\0".encode())
+        for values in (one.label, one.truth):
+            digest.update(values.tobytes())
+    return digest.hexdigest()

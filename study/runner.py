@@ -1,0 +1,250 @@
+"""Running a participant's phases at the wheel, from the last checkpoint on."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from steerlab.sim.calibration_set import load_calibration_set
+from steerlab.sim.files.folder_lock import RUN_LOCK, FolderLock, locked
+from steerlab.study.contract import Phase, PhaseKind, PhaseState, StudyError
+from steerlab.study.opened import OpenStudy
+from steerlab.study.progress import Progress, finished_rollouts, progress_of
+from steerlab.study.scripted_practice import practise_scripted
+from steerlab.study.sitting import Sitting, SittingConfig, practise
+from steerlab.study.store.people import PhaseAct, insert_phase_event
+from steerlab.study.teaching.request import UNAVAILABLE, Teachings, TeachRequest
+from steerlab.study.way import PAGES
+from steerlab.teleop.devices.contract import Device, InputKind
+from steerlab.teleop.practice import PracticeConfig
+from steerlab.teleop.session import SessionConfig, SessionEnd
+
+ProgressBar = Callable[[str, float], None]
+
+
+class PageFiller(Protocol):
+    """Does a participant's pages: a scripted participant has one, people have the browser."""
+
+    def fill(self, study: OpenStudy, place: Progress, phase: Phase) -> None:
+        """Finish the page."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunConfig:
+    """How a run goes.
+
+    Attributes:
+        device: a specification, or a script's device itself.
+        phase: only this one; None goes on as far as there is something to do at the wheel.
+        pages: fills pages; None leaves them to the browser.
+        teachings: who can do teaching phases, by condition.
+    """
+
+    device: str | Device
+    phase: str | None = None
+    viewer: bool = False
+    recordings: bool = True
+    pages: PageFiller | None = None
+    teachings: Teachings = field(default_factory=dict)
+    progress: ProgressBar = lambda what, share: None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunReport:
+    """What a run did.
+
+    Attributes:
+        lines: one about each phase.
+        waiting: the page that the browser is to do now, or what was stopped; None at the end.
+    """
+
+    lines: tuple[str, ...]
+    waiting: Phase | None
+
+
+def run(study: OpenStudy, participant: str, config: RunConfig) -> RunReport:
+    """Do what is next for a participant, phase by phase; stopping and crashes lose no phase.
+
+    Raises:
+        StudyError: the participant is elsewhere, the protocol was changed, or no network can be
+            trained.
+        LockedOut: another run is under way in this study.
+        SteerlabError: device, display or disk; what is finished stays.
+    """
+    study.check_unchanged()
+    with locked(study.folder, RUN_LOCK, "runs") as lock:
+        lines: list[str] = []
+        while True:
+            place = progress_of(study, participant)
+            phase = place.view.next_phase
+            if config.phase is not None and (lines or phase is None or phase.id != config.phase):
+                if lines:
+                    return RunReport(lines=tuple(lines), waiting=phase)
+                place.phase(config.phase)
+                at = f"at {phase.id!r}" if phase else str(place.view.standing)
+                raise StudyError(
+                    f"{participant} is {at}, so {config.phase!r} cannot be run now. To do a "
+                    f"finished phase again: steerlab study redo {study.folder} {participant} "
+                    f"{config.phase}"
+                )
+            if phase is None or (phase.kind in PAGES and config.pages is None):
+                return RunReport(lines=tuple(lines), waiting=phase)
+            done, line = _Phase(study, place, phase, config, lock).run()
+            lines.append(f"{phase.title}: {line}")
+            if not done:
+                return RunReport(lines=tuple(lines), waiting=phase)
+
+
+@dataclass(frozen=True)
+class _Phase:
+    """One phase of one participant."""
+
+    study: OpenStudy
+    place: Progress
+    phase: Phase
+    config: RunConfig
+    lock: FolderLock
+
+    def run(self) -> tuple[bool, str]:
+        """Whether it is over now, and what came of it."""
+        if self.phase.kind in PAGES:
+            assert self.config.pages is not None
+            self.config.pages.fill(self.study, self.place, self.phase)
+            return True, "answered"
+        match self.phase.kind:
+            case PhaseKind.PRACTICE:
+                return self._practice()
+            case PhaseKind.CALIBRATION:
+                return self._calibration()
+            case PhaseKind.CALIBRATE_W:
+                return self._calibrate_w()
+            case _:
+                return self._teach()
+
+    def _practice(self) -> tuple[bool, str]:
+        device, protocol = self.config.device, self.place.protocol
+        kind = device.partition(":")[0] if isinstance(device, str) else device.info.kind
+        if kind == InputKind.TRACE:
+            return self._skip("a recorded trace has no practice drive in it")
+        self._start()
+        config = PracticeConfig(
+            balls=protocol.practice.balls,
+            pedals=protocol.practice.pedals,
+            seed=protocol.seed,
+            time_limit_s=protocol.practice.time_limit_s,
+            countdown_s=protocol.display.countdown_s,
+        )
+        if isinstance(device, str) and kind != InputKind.SCRIPTED:
+            screen, autocentre = protocol.display.screen(), protocol.wheel.strength
+            result = practise(device, config, screen, autocentre=autocentre)
+        else:
+            result = practise_scripted(config)
+        said = f"{result.balls} balls reached, {result.crashes} blocks hit"
+        if result.stopped:
+            return False, f"stopped; {said}"
+        return self._end(PhaseAct.DONE, said)
+
+    def _calibration(self) -> tuple[bool, str]:
+        self._start()
+        protocol, view = self.place.protocol, self.place.view
+        finished = finished_rollouts(self.study, self.place)
+        by_name = {rollout.name: rollout for rollout in load_calibration_set()}
+        sitting = Sitting(
+            folder=self.study.folder,
+            participant=view.id,
+            role=view.role.value,
+            left=[by_name[name] for name in protocol.rollouts if name not in finished],
+            total=len(protocol.rollouts),
+            config=SittingConfig(
+                viewer=self.config.viewer,
+                recordings=self.config.recordings,
+                pictures=False,  # a participant would wait for them; replay draws them
+                autocentre=protocol.wheel.strength,
+                screen=protocol.display.screen(),
+                session=SessionConfig(
+                    countdown_s=protocol.display.countdown_s,
+                    show_agent_wheel=protocol.display.show_agent_wheel,
+                    gates=protocol.gates,
+                ),
+                settings=self._settings(),
+            ),
+            lock=self.lock,
+        )
+        sat = sitting.correct(self.config.device, self.config.progress)
+        said = f"{sat.done} of {sat.total} rollouts corrected"
+        if sat.end is SessionEnd.STOPPED and sat.done < sat.total:
+            return False, f"stopped; {said}"
+        return self._end(PhaseAct.DONE, said)
+
+    def _calibrate_w(self) -> tuple[bool, str]:
+        from steerlab.study.models import calibrate_participant  # torch: seconds to import
+
+        self._start()
+        found = calibrate_participant(self.study, self.place.view.id, self.config.progress)
+        said = f"w from network {found.model_sha256[:12]}"
+        if found.outside:
+            said += "; they correct unlike the training participants"
+        return self._end(PhaseAct.DONE, said)
+
+    def _teach(self) -> tuple[bool, str]:
+        phase, view = self.phase, self.place.view
+        assert phase.condition is not None
+        teaching = self.config.teachings.get(phase.condition)
+        if teaching is None:
+            return self._skip(f"teaching with {phase.condition} is {UNAVAILABLE}")
+        from steerlab.study.models import frozen_model, person_file
+
+        model = frozen_model(self.study)
+        if model is None:
+            raise StudyError(f"The network of {view.id} was removed; train it again first.")
+        self._start()
+        taught = teaching.teach(
+            TeachRequest(
+                folder=self.study.folder,
+                participant=view.id,
+                phase=phase,
+                protocol=self.place.protocol,
+                mapper=person_file(self.study, model, view.id),
+                device=self.config.device,
+                lock=self.lock,
+                progress=self.config.progress,
+                viewer=self.config.viewer,
+                recordings=self.config.recordings,
+                settings=self._settings(),
+            )
+        )
+        if not taught.finished:
+            return False, taught.detail
+        return self._end(PhaseAct.DONE, taught.detail)
+
+    def _settings(self) -> dict[str, str]:
+        """Kept with the session at the wheel."""
+        version = self.place.view.protocol_version
+        sha256 = self.study.versions()[version - 1].sha256
+        return {"phase": self.phase.id, "protocol_version": str(version), "protocol_sha256": sha256}
+
+    def _start(self) -> None:
+        if self.place.state(self.phase.id) is PhaseState.WAITING:
+            self._record(self.phase, PhaseAct.STARTED, "")
+
+    def _end(self, act: PhaseAct, detail: str) -> tuple[bool, str]:
+        self._record(self.phase, act, detail)
+        return True, detail
+
+    def _skip(self, why: str) -> tuple[bool, str]:
+        """Skip a phase, and the questionnaires about what was not taught in it."""
+        about = [
+            one
+            for one, _ in self.place.view.phases
+            if self.phase.condition is not None and one.condition == self.phase.condition
+        ]
+        connection, who = self.study.store.connection, self.place.view.id
+        with connection.transaction(f"skip {self.phase.id!r} of {who!r}", durable=True):
+            for one in about or [self.phase]:
+                insert_phase_event(connection, who, one.id, PhaseAct.SKIPPED, why)
+        return True, f"skipped: {why}"
+
+    def _record(self, phase: Phase, act: PhaseAct, detail: str) -> None:
+        connection, who = self.study.store.connection, self.place.view.id
+        with connection.transaction(f"keep that {phase.id!r} is {act}", durable=True):
+            insert_phase_event(connection, who, phase.id, act, detail)

@@ -1,0 +1,1 @@
+"""What a study keeps: one SQLite database, its triggers and its hash-chained audit."""

@@ -1,0 +1,225 @@
+"""What the store keeps of teaching: rounds, the labels that were imitated, trials of each policy."""
+# pyarrow ships no types:
+# pyright: reportMissingTypeStubs=false
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+import pyarrow as pa
+
+from steerlab.sim.records import InvalidRecord
+from steerlab.sim.rollout import BoolArray, FloatArray, Outcome
+from steerlab.study.store.connection import StoreConnection
+from steerlab.study.store.people import NOW, PhaseAct
+from steerlab.study.store.teaching_tables import COLUMNS_OF_4
+
+TEACHING_SCHEMA = pa.schema(
+    [
+        pa.field("participant", pa.string(), nullable=False),
+        pa.field("phase", pa.string(), nullable=False),
+        pa.field("position", pa.int32(), nullable=False),
+        pa.field("condition", pa.string(), nullable=False),
+        pa.field("round", pa.int32(), nullable=False),
+        pa.field("success", pa.float64()),
+        pa.field("final_distance_m", pa.float64()),
+        pa.field("trials", pa.int32(), nullable=False),
+        pa.field("label_mae", pa.float64()),
+        pa.field("given_mae", pa.float64()),
+        pa.field("labels_asked", pa.int32(), nullable=False),
+        pa.field("teacher_s", pa.float64(), nullable=False),
+        pa.field("switches", pa.int32(), nullable=False),
+        pa.field("loss", pa.float64()),
+    ],
+    metadata={"steerlab.schema": "TeachingRounds", "steerlab.schema_version": "1"},
+)
+"""A row for each participant, condition and round that counts; round 0 is the first drive.
+
+``position`` is the condition's place in the participant's order, from 1; ``success`` the share of
+``trials`` in which the round's policy reached the ball, null before it was tried;
+``final_distance_m`` the mean of them. ``label_mae`` is the mean error of what was imitated,
+``given_mae`` of what the person gave at the same steps; null where nothing was asked.
+"""
+
+_ROUND = COLUMNS_OF_4["teaching_rounds"][1:]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TaughtRound:
+    """One round as it was taught; see ``RoundResult`` of the learners for most of it.
+
+    Attributes:
+        occasion: how often the phase was reopened before.
+        attempt: at ``rollout``, which it was taught from.
+        given_mae: as ``label_mae``, of the labels as they were given.
+        loss: None where nothing was asked, so that the policy stayed as it was.
+        policies: sha256 of each policy's file, by its name within the study's folder.
+        mapper_sha256: of what mapped the labels; None if nothing did.
+    """
+
+    participant: str
+    phase: str
+    occasion: int
+    condition: str
+    round: int
+    rollout: str
+    attempt: int
+    outcome: Outcome
+    labels_asked: int
+    label_mae: float | None
+    given_mae: float | None
+    teacher_s: float
+    switches: int
+    loss: float | None
+    training_s: float
+    policies: Mapping[str, str]
+    mapper_sha256: str | None
+
+    def __post_init__(self) -> None:
+        for name in ("label_mae", "given_mae", "loss", "teacher_s", "training_s"):
+            value = getattr(self, name)
+            if value is not None and not isfinite(value):
+                raise InvalidRecord(
+                    f"Round {self.round}: {name} is {value}; None if there is none."
+                )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredTargets:
+    """What was imitated of an attempt, (decisions,) each; ``target`` is NaN where there is none."""
+
+    step: np.ndarray
+    target: FloatArray
+    weight: FloatArray
+    asked: BoolArray
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Trial:
+    """How one evaluation drive of a round's policy ended, from the ``start``-th start."""
+
+    start: int
+    outcome: Outcome
+    final_distance_m: float
+
+
+def insert_round(connection: StoreConnection, taught: TaughtRound, targets: StoredTargets) -> None:
+    """Keep a round and what was imitated; inside a transaction."""
+    values = {name: getattr(taught, name) for name in _ROUND if name != "at_utc"}
+    values["outcome"] = taught.outcome.value
+    values["policies"] = json.dumps(dict(taught.policies), sort_keys=True)
+    connection.run(
+        f"INSERT INTO teaching_rounds ({', '.join(values)}, at_utc) "
+        f"VALUES ({', '.join('?' * len(values))}, {NOW})",
+        *values.values(),
+    )
+    for step, target, weight, asked in zip(
+        *(targets.step.tolist(), targets.target.tolist()),
+        *(targets.weight.tolist(), targets.asked.tolist()),
+        strict=True,
+    ):
+        connection.run(
+            "INSERT INTO teaching_targets VALUES (?, ?, ?, ?, ?, ?, ?)",
+            *(taught.participant, taught.rollout, taught.attempt, step),
+            *(target if isfinite(target) else None, weight, int(asked)),
+        )
+    connection.log("round taught", f"{taught.participant} {taught.phase} round {taught.round}")
+
+
+def insert_trials(
+    connection: StoreConnection, taught: TaughtRound, trials: Sequence[Trial]
+) -> None:
+    """Keep how a round's policy drove; inside a transaction."""
+    key = taught.participant, taught.phase, taught.occasion, taught.round
+    for one in trials:
+        connection.run(
+            "INSERT INTO teaching_trials VALUES (?, ?, ?, ?, ?, ?, ?)",
+            *(*key, one.start, one.outcome.value, one.final_distance_m),
+        )
+
+
+def read_occasion(connection: StoreConnection, participant: str, phase: str) -> tuple[int, int]:
+    """How often a phase was reopened, and the first of the participant's attempts that counts."""
+    rows = connection.read(
+        "SELECT count(*), max(first_attempt) FROM phase_events "
+        "WHERE participant = ? AND phase = ? AND what = ?",
+        *(participant, phase, PhaseAct.REOPENED.value),
+    )
+    return rows[0][0], rows[0][1] or 0
+
+
+def read_taught(connection: StoreConnection, participant: str, phase: str) -> list[TaughtRound]:
+    """The rounds of a phase that count, in order."""
+    occasion, _ = read_occasion(connection, participant, phase)
+    rows = connection.read(
+        f"SELECT {', '.join(_ROUND)} FROM teaching_rounds "
+        "WHERE participant = ? AND phase = ? AND occasion = ? ORDER BY round",
+        *(participant, phase, occasion),
+    )
+    found: list[TaughtRound] = []
+    for row in rows:
+        values = dict(zip(_ROUND, row, strict=True))
+        del values["at_utc"]
+        values["outcome"] = Outcome(values["outcome"])
+        values["policies"] = json.loads(values["policies"])
+        found.append(TaughtRound(**values))
+    return found
+
+
+def read_targets(connection: StoreConnection, taught: TaughtRound) -> StoredTargets:
+    """What was imitated in a round."""
+    rows = connection.read(
+        "SELECT step, target, weight, asked FROM teaching_targets "
+        "WHERE participant = ? AND rollout = ? AND attempt = ? ORDER BY step",
+        *(taught.participant, taught.rollout, taught.attempt),
+    )
+    step, target, weight, asked = zip(*rows, strict=True) if rows else ((), (), (), ())
+    return StoredTargets(
+        step=np.array(step, dtype=np.int64),
+        target=np.array(target, dtype=np.float64),  # null becomes NaN
+        weight=np.array(weight, dtype=np.float64),
+        asked=np.array(asked, dtype=bool),
+    )
+
+
+def read_tried(connection: StoreConnection, participant: str, phase: str) -> set[int]:
+    """The rounds of a phase whose policies were tried."""
+    occasion, _ = read_occasion(connection, participant, phase)
+    rows = connection.read(
+        "SELECT DISTINCT round FROM teaching_trials "
+        "WHERE participant = ? AND phase = ? AND occasion = ?",
+        *(participant, phase, occasion),
+    )
+    return {row[0] for row in rows}
+
+
+def read_teaching_rounds(connection: StoreConnection) -> pa.Table:
+    """All rounds that count, by participant, position and round: a ``TEACHING_SCHEMA`` table.
+
+    Rounds of a phase that was opened again do not count.
+    """
+    orders = {
+        participant: json.loads(order)
+        for participant, order in connection.read("SELECT participant, orders FROM enrolments")
+    }
+    rows = connection.read(
+        "SELECT r.participant, r.phase, r.condition, r.round, "
+        "avg(t.outcome = ?), avg(t.final_distance_m), count(t.start), r.label_mae, r.given_mae, "
+        "r.labels_asked, r.teacher_s, r.switches, r.loss "
+        "FROM teaching_rounds AS r LEFT JOIN teaching_trials AS t "
+        "ON t.participant = r.participant AND t.phase = r.phase AND t.occasion = r.occasion "
+        "AND t.round = r.round "
+        "WHERE r.occasion = (SELECT count(*) FROM phase_events AS e WHERE "
+        "e.participant = r.participant AND e.phase = r.phase AND e.what = ?) "
+        "GROUP BY r.id",
+        *(Outcome.BALL_REACHED.value, PhaseAct.REOPENED.value),
+    )
+    names = [name for name in TEACHING_SCHEMA.names if name != "position"]
+    found = [dict(zip(names, row, strict=True)) for row in rows]
+    for row in found:
+        order = orders.get(row["participant"], [])
+        row["position"] = order.index(row["condition"]) + 1 if row["condition"] in order else 0
+    found.sort(key=lambda row: (row["participant"], row["position"], row["phase"], row["round"]))
+    return pa.Table.from_pylist(found, schema=TEACHING_SCHEMA)

@@ -1,0 +1,236 @@
+"""A questionnaire: its items, what may be answered to each, and the scales they make up."""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from typing import Literal
+
+from steerlab.study.surveys.answer_format import (
+    AnswerFormat,
+    InvalidAnswer,
+    Kind,
+    Likert,
+    Slider,
+    Value,
+)
+from steerlab.study.surveys.errors import QuestionnaireError
+
+__all__ = [
+    "InvalidAnswer",
+    "Item",
+    "Questionnaire",
+    "QuestionnaireError",
+    "Scale",
+    "UnknownItem",
+    "Value",
+]
+
+_KEY = re.compile(r"[a-z][a-z0-9_]{0,63}")
+_KEY_WORDS = "lower-case letters, digits and underscores, starting with a letter"
+
+
+class UnknownItem(InvalidAnswer):
+    """An answer is to an item that the questionnaire does not have."""
+
+    def __init__(self, item: str, questionnaire: str, known: tuple[str, ...]) -> None:
+        super().__init__(item, None, "to an item there is")
+        self.args = (f"{questionnaire} has no item {item!r}; it has {', '.join(known)}.",)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Item:
+    """One question or statement.
+
+    Whether it is keyed in reverse is the scale's business: trust items 1 to 5 are reversed in the
+    trust total and not in the distrust sub-score.
+
+    Attributes:
+        id: unique within the questionnaire.
+        text: as people read it.
+        format: what may be answered.
+        required: the page cannot be left without an answer.
+    """
+
+    id: str
+    text: str
+    format: AnswerFormat
+    required: bool = True
+
+    def __post_init__(self) -> None:
+        if not _KEY.fullmatch(self.id):
+            raise QuestionnaireError("id", self.id, _KEY_WORDS)
+        if not self.text.strip():
+            raise QuestionnaireError("text", self.text, "some words")
+
+    @property
+    def kind(self) -> Kind:
+        """``likert``, ``choice``, ``number``, ``text`` or ``slider``."""
+        return self.format.kind
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Scale:
+    """Items that measure one thing.
+
+    Attributes:
+        key: unique within the questionnaire.
+        title: for people.
+        items: their ids, in order.
+        reversed: ids of those that count as low + high - answer.
+        how: the score is the items' ``sum`` or their ``mean``.
+    """
+
+    key: str
+    title: str
+    items: tuple[str, ...]
+    reversed: tuple[str, ...] = ()
+    how: Literal["sum", "mean"] = "sum"
+
+    def __post_init__(self) -> None:
+        if not _KEY.fullmatch(self.key):
+            raise QuestionnaireError("key", self.key, _KEY_WORDS)
+        if not self.title.strip():
+            raise QuestionnaireError("title", self.title, "some words")
+        if not self.items or len(set(self.items)) != len(self.items):
+            raise QuestionnaireError("items", list(self.items), "one or more items, each once")
+        if len(set(self.reversed)) != len(self.reversed) or set(self.reversed) - set(self.items):
+            allowed = f"some of the scale's items ({', '.join(self.items)}), each once"
+            raise QuestionnaireError("reversed", list(self.reversed), allowed)
+        if self.how not in ("sum", "mean"):
+            raise QuestionnaireError("how", self.how, "'sum' or 'mean'")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Questionnaire:
+    """What is asked, as it is shown, and how it is scored.
+
+    Attributes:
+        key: unique within a study.
+        title: for people.
+        version: counts up whenever a word or a key of it changes.
+        instructions: shown above the items.
+        citation: where the items come from, or that they are our own.
+        licence_note: what is known of the right to use them.
+        unvalidated: nobody has shown that it measures what its title says.
+        items: in the order in which they are shown.
+        scales: may share items; a questionnaire of facts has none.
+    """
+
+    key: str
+    title: str
+    version: int
+    instructions: str
+    citation: str
+    licence_note: str
+    unvalidated: bool
+    items: tuple[Item, ...]
+    scales: tuple[Scale, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not _KEY.fullmatch(self.key):
+            raise QuestionnaireError("key", self.key, _KEY_WORDS)
+        for name in ("title", "instructions", "citation", "licence_note"):
+            if not getattr(self, name).strip():
+                raise QuestionnaireError(name, getattr(self, name), "some words")
+        if self.version < 1:
+            raise QuestionnaireError("version", self.version, "a whole number from 1")
+        if not self.items:
+            raise QuestionnaireError("items", [], "one or more items")
+        ids: set[str] = set()
+        for place, item in enumerate(self.items, 1):
+            if item.id in ids:
+                raise QuestionnaireError(f"items[{place}].id", item.id, "another one: it is taken")
+            ids.add(item.id)
+        keys: set[str] = set()
+        for place, scale in enumerate(self.scales, 1):
+            if scale.key in keys:
+                key = f"scales[{place}].key"
+                raise QuestionnaireError(key, scale.key, "another one: it is taken")
+            keys.add(scale.key)
+            _check_scale(scale, {item.id: item for item in self.items}, f"scales[{place}]")
+
+    def item(self, item: str) -> Item:
+        """The item of that id.
+
+        Raises:
+            UnknownItem: there is none; it is an ``InvalidAnswer``.
+        """
+        found = next((one for one in self.items if one.id == item), None)
+        if found is None:
+            raise UnknownItem(item, self.key, tuple(one.id for one in self.items))
+        return found
+
+    def check(self, item: str, value: object) -> Value:
+        """The answer as it is kept: a form's digits become a number, blanks around a text go.
+
+        Raises:
+            InvalidAnswer: there is no such item, or the item does not allow the answer.
+        """
+        asked = self.item(item)
+        accepted = asked.format.accept(value)
+        if accepted is None:
+            raise InvalidAnswer(item, value, asked.format.allowed)
+        return accepted
+
+    def missing(self, answers: Mapping[str, Value]) -> list[str]:
+        """Ids of the required items that ``answers`` lacks, in the order of the page."""
+        return [one.id for one in self.items if one.required and one.id not in answers]
+
+    def scale(self, scale: str) -> Scale:
+        """The scale of that key.
+
+        Raises:
+            QuestionnaireError: there is none.
+        """
+        found = next((one for one in self.scales if one.key == scale), None)
+        if found is None:
+            known = ", ".join(one.key for one in self.scales) or "none: it has no scales"
+            raise QuestionnaireError("scale", scale, f"one of {self.key}'s ({known})")
+        return found
+
+    def item_range(self, scale: str) -> tuple[int, int]:
+        """Lowest and highest answer to each item of a scale."""
+        return bounds(self.item(self.scale(scale).items[0]))
+
+    def score_range(self, scale: str) -> tuple[int, int]:
+        """Lowest and highest score of a scale."""
+        low, high = self.item_range(scale)
+        found = self.scale(scale)
+        count = len(found.items) if found.how == "sum" else 1
+        return count * low, count * high
+
+    def fingerprint(self) -> str:
+        """SHA-256 of everything in it, so that a study can tell whether it was changed."""
+        text = json.dumps(
+            {**asdict(self), "kinds": [item.kind for item in self.items]},
+            sort_keys=True,
+            ensure_ascii=False,
+        )
+        return sha256(text.encode()).hexdigest()
+
+
+def bounds(item: Item) -> tuple[int, int]:
+    """Lowest and highest answer to an item on a scale.
+
+    Raises:
+        QuestionnaireError: the item is no number that a scale can add up.
+    """
+    if not isinstance(item.format, (Likert, Slider)):
+        raise QuestionnaireError("kind", item.kind, f"likert or slider: {item.id!r} is on a scale")
+    return item.format.low, item.format.high
+
+
+def _check_scale(scale: Scale, items: Mapping[str, Item], key: str) -> None:
+    ranges: set[tuple[int, int]] = set()
+    for name in scale.items:
+        if name not in items:
+            raise QuestionnaireError(f"{key}.items", name, f"one of {', '.join(items)}")
+        try:
+            ranges.add(bounds(items[name]))
+        except QuestionnaireError as error:
+            raise QuestionnaireError(f"{key}.items", name, "a likert or slider item") from error
+    if len(ranges) > 1:
+        allowed = "items that all have the same range"
+        raise QuestionnaireError(f"{key}.items", sorted(ranges), allowed)

@@ -1,0 +1,63 @@
+"""The hook for learners: what a teaching phase asks of whoever can do one."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+from steerlab.sim.files.folder_lock import FolderLock
+from steerlab.study.contract import Phase
+from steerlab.study.protocol import StudyProtocol
+from steerlab.teleop.devices.contract import Device
+
+UNAVAILABLE = "not available in this version"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TeachRequest:
+    """One participant teaches under one condition.
+
+    Attributes:
+        mapper: the network with the participant's w; only for conditions that map labels.
+        device: a specification, or a script's device itself.
+        lock: the study's, which the caller holds; a recorder takes it over.
+        viewer: also show the drives live in Rerun.
+        recordings: write a Rerun recording of each attempt.
+        settings: kept with the session, such as the protocol's version.
+    """
+
+    folder: Path
+    participant: str
+    phase: Phase
+    protocol: StudyProtocol
+    mapper: Path
+    device: str | Device
+    lock: FolderLock
+    progress: Callable[[str, float], None]
+    viewer: bool = False
+    recordings: bool = True
+    settings: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Taught:
+    """How it ended; ``detail`` is kept with the phase."""
+
+    finished: bool
+    detail: str
+
+
+class Teaching(Protocol):
+    """Lets people teach under a condition; resumes where an earlier call was stopped."""
+
+    def teach(self, request: TeachRequest) -> Taught:
+        """Teach, and keep what was taught, durable when this returns.
+
+        Raises:
+            SteerlabError: device, display or study cannot be used; what is finished stays.
+        """
+        ...
+
+
+Teachings = Mapping[str, Teaching]
+"""What there is, by condition; a phase of any other condition is skipped, on record."""

@@ -1,0 +1,199 @@
+"""A person teaches before a window: countdown, drive, rest while the robot learns, and again."""
+
+from collections.abc import Callable
+from time import perf_counter_ns, sleep
+
+from steerlab.sim.errors import SteerlabError
+from steerlab.sim.rollout import Outcome
+from steerlab.study.recording.session_recorder import SessionRecorder
+from steerlab.study.teaching.conditions import Hands
+from steerlab.study.teaching.host import Drove, Pressed, Tick, Work
+from steerlab.study.teaching.lesson import Lesson
+from steerlab.study.teaching.pages import (
+    before_page,
+    button_page,
+    learning_page,
+    learnt_page,
+    try_again_page,
+    untimely_page,
+    waiting_page,
+)
+from steerlab.study.teaching.register import outcome_event
+from steerlab.teleop.attempt import Attempts
+from steerlab.teleop.devices.contract import Button, Device
+from steerlab.teleop.gates import LoopHealth
+from steerlab.teleop.loop import DriveEnd
+from steerlab.teleop.pacing import NS_PER_S, WallClock
+from steerlab.teleop.pages import error_page
+from steerlab.teleop.screen.contract import Act, Page, Screen
+from steerlab.teleop.session import SessionConfig
+from steerlab.teleop.stage import PAGE_S, Stage
+from steerlab.teleop.watch import PersonWatch
+
+PAGE_NS = NS_PER_S // 10  # while the robot learns: drawing takes time from it
+
+
+class WindowHost:
+    """Shows drives on ``screen``, which has entered the world, and records what the person does.
+
+    Args:
+        poll: empties the event queue.
+        title: of the phase.
+        count: drives of the whole course.
+        now_ns, sleep_s: time itself; tests pass their own.
+
+    Attributes:
+        health: of each attempt finished here.
+        rests_ns: from the end of each drive until the person could go on.
+    """
+
+    def __init__(
+        self,
+        *,
+        screen: Screen,
+        device: Device,
+        poll: Callable[[], None],
+        recorder: SessionRecorder,
+        participant: str,
+        title: str,
+        count: int,
+        config: SessionConfig,
+        now_ns: Callable[[], int] = perf_counter_ns,
+        sleep_s: Callable[[float], None] = sleep,
+    ) -> None:
+        self._screen, self._device, self._poll = screen, device, poll
+        self._participant = participant
+        self._title, self._count, self._config = title, count, config
+        self._now_ns, self._sleep_s = now_ns, sleep_s
+        self._clock = WallClock(config.pacing, poll, now_ns=now_ns, sleep_s=sleep_s)
+        self._watch = PersonWatch(screen)
+        self._stage = Stage(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
+        self._attempts = Attempts(
+            screen=screen,
+            device=device,
+            recorder=recorder,
+            participant=participant,
+            clock=self._clock,
+            watch=self._watch,
+            gates=config.gates,
+            now_ns=now_ns,
+            show_agent_wheel=config.show_agent_wheel,
+        )
+        self._told: tuple[str, ...] = ()
+        self._shown_ns = 0
+        self.health: list[LoopHealth] = []
+        self.rests_ns: list[int] = []
+
+    def drive(self, lesson: Lesson) -> Drove | None:
+        """Until an attempt is finished that the person wants to count; None to stop."""
+        number = lesson.number + 1
+        if lesson.before != self._told:
+            page = before_page(self._title, lesson.before, lesson.number, self._count)
+            if self._ask(page, Act.CONFIRM) is Act.STOP:
+                return None
+            if lesson.hands is Hands.TAKE_OVER and not self._button_heard(lesson):
+                return None
+            self._told = lesson.before
+        while True:
+            lesson.drive.begin(participant=self._participant, attempt=0)
+            self._clock.start()
+            self._show(lesson, 0.0)
+            if not self._stage.countdown(number, self._count, self._config.countdown_s):
+                return None
+            tried = self._attempts.run(
+                lesson.drive,
+                lambda fraction: self._show(lesson, fraction),
+                event=lambda: outcome_event(lesson.drive.outcome),
+            )
+            end = tried.end
+            if tried.health is not None:
+                self.health.append(tried.health)
+            if end is DriveEnd.STOPPED:
+                return None
+            if end is not DriveEnd.FINISHED:
+                if end is not DriveEnd.REDO and not self._attempts.pause(end, self._stage):
+                    return None
+                continue
+            if tried.failed:
+                page = untimely_page(tried.failed, number, self._count)
+                act = self._ask(page, Act.CONFIRM, Act.REDO)
+                if act is Act.REDO:
+                    continue
+                if act is Act.STOP:
+                    return None
+            return Drove(
+                rollout=lesson.drive.name,
+                attempt=tried.attempt,
+                outcome=lesson.drive.outcome,
+                seen=lesson.robot.seen,
+            )
+
+    def try_again(self, outcome: Outcome, left: int) -> bool:
+        """Say so; False to stop."""
+        page = try_again_page(outcome, left, self._count)
+        return self._ask(page, Act.CONFIRM) is not Act.STOP
+
+    def rest(self, number: int, outcome: Outcome, learn: Work, meanwhile: Work) -> Act:
+        """Show how far the robot has learnt; the person goes on only when it has."""
+        place = number + 1, self._count, outcome
+        learnt, began_ns = learnt_page(*place), self._now_ns()
+        try:
+            learn(self._ticker(lambda share: learning_page(*place, share), Act.REDO, Act.STOP))
+            self.rests_ns.append(self._now_ns() - began_ns)
+            meanwhile(self._ticker(lambda share: learnt, Act.CONFIRM, Act.REDO, Act.STOP))
+        except Pressed as pressed:
+            return pressed.act
+        except SteerlabError as error:
+            self._screen.show_page(error_page(str(error)))
+            raise
+        return self._ask(learnt, Act.CONFIRM, Act.REDO)
+
+    def wait(self, what: str, work: Work) -> bool:
+        """Show how far it is; False to stop."""
+        try:
+            work(self._ticker(lambda share: waiting_page(what, share), Act.STOP))
+        except Pressed:
+            return False
+        return True
+
+    def _ticker(self, page: Callable[[float], Page], *wanted: Act) -> Tick:
+        """Looks at keys and wheel, and draws now and then."""
+        self._watch.begin(self._device.read())
+        self._shown_ns = 0
+
+        def tick(share: float) -> None:
+            if self._now_ns() - self._shown_ns < PAGE_NS and share < 1.0:
+                return
+            self._poll()
+            for act in self._watch.acts(self._device.read()):
+                if act in wanted:
+                    raise Pressed(act)
+            self._screen.show_page(page(share))
+            self._shown_ns = self._now_ns()
+
+        return tick
+
+    def _button_heard(self, lesson: Lesson) -> bool:
+        """Wait for the take-over button; False to stop."""
+        page = button_page(self._device.info.name, lesson.number, self._count)
+        while True:
+            self._poll()
+            sample = self._device.read()
+            if Act.STOP in self._watch.acts(sample):
+                return False
+            if Button.TAKE_OVER in sample.buttons:
+                return True
+            self._screen.show_page(page)
+            self._sleep_s(PAGE_S)
+
+    def _ask(self, page: Page, *wanted: Act) -> Act:
+        return self._stage.ask(lambda: page, {*wanted, Act.STOP})
+
+    def _show(self, lesson: Lesson, fraction: float) -> None:
+        self._attempts.show(
+            lesson.drive,
+            fraction,
+            number=lesson.number + 1,
+            count=self._count,
+            instruction=lesson.during,
+        )

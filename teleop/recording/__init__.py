@@ -1,1 +1,0 @@
-"""Keeping what happens: the writer thread, the study store and the Rerun recordings."""

@@ -1,0 +1,202 @@
+"""The console over a study in memory: a test client, and a real server for browsers."""
+
+import importlib.util
+import shutil
+import socket
+import sys
+import threading
+import warnings
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+import uvicorn
+
+from steerlab.app.console.app import make_app
+from steerlab.app.console.checkup import Checkup
+from steerlab.app.console.desk import Desk
+from steerlab.app.console.forms import csrf_token
+from steerlab.app.console.guesses import Guesses
+from steerlab.app.console.live import Changes
+from steerlab.app.console.sign_in import SignIn
+from steerlab.app.console.wheel_run import WheelRuns
+from steerlab.study.contract import Role
+
+with warnings.catch_warnings():  # Starlette would rather have httpx2, which does the same
+    warnings.simplefilter("ignore")
+    from starlette.testclient import TestClient
+
+ORIGIN = "http://127.0.0.1:8765"
+FAKE_RUN = """
+import sys, time, pathlib
+print("run", *sys.argv[1:], flush=True)
+hold = pathlib.Path(sys.argv[2]) / "hold"
+while hold.exists():
+    time.sleep(0.02)
+sys.exit("No wheel is plugged in." if (hold.parent / "fail").exists() else 0)
+"""
+
+
+def _load(name):
+    """A module beside this one; tests are no package."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+fake_study = _load("fake_study")
+
+
+@pytest.fixture
+def keyboard():
+    """The module beside this one."""
+    return _load("keyboard")
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next(filter(None, map(shutil.which, names)), None)
+    if found is None:
+        pytest.skip("no Chromium; install it with: sudo apt-get install chromium")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=found, chromium_sandbox=False, args=["--disable-gpu"]
+        )
+        yield browser
+        browser.close()
+
+
+@dataclass
+class Lab:
+    """A console under test, and what a test needs to use it."""
+
+    study: Any
+    client: TestClient
+    runs: WheelRuns
+    changes: Changes
+    links: list[str] = field(default_factory=list)  # one-time sign-in tokens, as announced
+    clock: list[float] = field(default_factory=lambda: [0.0])
+
+    def enrol(self, role=Role.TRAINING, at=None):
+        """A participant and their link's token; ``at`` names the phase that is next."""
+        view = self.study.enrol(role)
+        token = self.study.new_link(view.id)
+        if at is not None:
+            self.study.bring_to(view.id, at)
+        return view.id, token
+
+    def post(self, token, path, headers=None, **fields):
+        """A participant's form."""
+        fields.setdefault("csrf", csrf_token(token))
+        return self.client.post(
+            f"/p/{token}{path}",
+            data={name.replace("__", "."): value for name, value in fields.items()},
+            headers={"origin": ORIGIN} if headers is None else headers,
+        )
+
+    def sign_in(self):
+        answer = self.client.get(f"/enter/{self.links[-1]}")
+        assert answer.status_code == 303
+        return self.client.cookies["steerlab_experimenter"]
+
+    def act(self, path, **fields):
+        """The experimenter's form."""
+        secret = self.client.cookies.get("steerlab_experimenter") or ""
+        fields.setdefault("csrf", csrf_token(secret))
+        return self.client.post(path, data=fields, headers={"origin": ORIGIN})
+
+
+@pytest.fixture
+def lab(tmp_path):
+    study = fake_study.FakeStudy()
+    links, clock = [], [0.0]
+    desk = Desk(lambda: nullcontext(study))
+    script = tmp_path / "fake_run.py"
+    script.write_text(FAKE_RUN)
+    runs = WheelRuns(tmp_path, command=(sys.executable, str(script)))
+    checkup = Checkup(lambda: nullcontext(study))
+    changes = Changes(desk, runs.mark, checkup.mark)
+    sign_in = SignIn(announce=links.append, clock=lambda: clock[0])
+    sign_in.announce_link()
+    app = make_app(
+        desk,
+        runs,
+        checkup,
+        sign_in,
+        origins=(ORIGIN, "http://localhost:8765"),
+        address=ORIGIN,
+        guesses=Guesses(clock=lambda: clock[0]),
+        changes=changes,
+    )
+    client = TestClient(app, base_url=ORIGIN, follow_redirects=False, raise_server_exceptions=False)
+    made = Lab(study=study, client=client, runs=runs, changes=changes, links=links, clock=clock)
+    try:
+        with client:
+            yield made
+    finally:
+        (tmp_path / "hold").unlink(missing_ok=True)
+        if runs.view() is not None:
+            runs._process.wait(10)
+        runs.close()
+        desk.close()
+
+
+@contextmanager
+def _serving(open_study, folder, command=()):
+    """A real server on a free port; gives its address and the announced sign-in links."""
+    links: list[str] = []
+    listening = socket.create_server(("127.0.0.1", 0))
+    address = f"http://127.0.0.1:{listening.getsockname()[1]}"
+    desk = Desk(open_study)
+    runs = WheelRuns(folder, command=command)
+    checkup = Checkup(open_study)
+    changes = Changes(desk, runs.mark, checkup.mark)
+    sign_in = SignIn(announce=links.append)
+    sign_in.announce_link()
+    app = make_app(
+        desk, runs, checkup, sign_in, origins=(address,), address=address, changes=changes
+    )
+    config = uvicorn.Config(app, log_level="warning", access_log=False, ws="none")
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+    thread.start()
+    try:
+        yield address, links
+    finally:
+        server.should_exit = True
+        changes.close()
+        thread.join(10)
+        listening.close()
+        if runs.view() is not None:
+            runs._process.wait(10)
+        runs.close()
+        desk.close()
+
+
+@pytest.fixture
+def served(tmp_path):
+    """A study in memory behind a real server."""
+    study = fake_study.FakeStudy()
+    with _serving(lambda: nullcontext(study), tmp_path) as (address, links):
+        yield Served(study=study, address=address, links=links)
+
+
+@pytest.fixture
+def serving():
+    """``with serving(open_study, folder, command) as (address, links)``: a real server."""
+    return _serving
+
+
+@dataclass
+class Served:
+    """A real server over a study in memory."""
+
+    study: Any
+    address: str
+    links: list[str]

@@ -1,0 +1,200 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from steerlab.app import cli, doctor, simulate
+from steerlab.app.cli import VERBS, main
+from steerlab.sim import calibration_set
+from steerlab.sim.engine import camera
+from steerlab.sim.errors import NoRenderer
+
+SMALL = ["--teachers", "7", "--new-teachers", "2", "--rollouts", "4"]
+
+
+def _refused(capsys, *arguments: str) -> str:
+    """The one sentence of a refusal: exit code 2 and no traceback."""
+    try:
+        code = main(list(arguments))
+    except SystemExit as stop:  # tyro's own, for what is no value at all
+        code = stop.code
+    assert code == 2
+    said = capsys.readouterr().err
+    assert "Traceback" not in said
+    return said
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_has_help_with_an_example(verb, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([verb, "--help"])
+    assert stop.value.code == 0
+    assert f"Example: steerlab {verb}" in " ".join(capsys.readouterr().out.split())
+
+
+def test_no_verb_shows_the_help(capsys):
+    assert main([]) == 0
+    assert "simulate" in capsys.readouterr().out
+
+
+def test_the_overview_says_what_each_verb_does(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    assert main(["--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 60
+    said = " ".join(" ".join(lines).split())
+    for verb in VERBS:
+        docstring = cli.verb_function(verb).__doc__ or ""
+        assert f"{verb} {docstring.splitlines()[0]}" in said
+
+
+def test_the_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"steerlab {version('steerlab')}\n"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("simulat", "Did you mean simulate?"),
+        ("--seed", "options follow the verb"),
+        ("nothing-like-it", "Choose from demo, doctor"),
+    ],
+)
+def test_no_such_verb(given, said, capsys):
+    refusal = _refused(capsys, given, "1")
+    assert repr(given) in refusal
+    assert said in refusal
+    assert all(verb in refusal for verb in VERBS)
+
+
+def test_a_verb_may_be_spelt_as_its_function(tmp_path, capsys):
+    (tmp_path / "set.parquet").write_text("x")
+    assert "exists" in _refused(capsys, "calibration_set", "--out", str(tmp_path / "set.parquet"))
+
+
+def test_a_shell_can_complete_every_verb(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["--tyro-print-completion", "bash"])
+    assert not stop.value.code
+    script = capsys.readouterr().out
+    assert all(verb in script for verb in VERBS)
+
+
+def test_a_number_that_is_none_is_said(tmp_path, capsys):
+    assert "'x'" in _refused(capsys, "power", "--people", "12", "x", "--out", str(tmp_path / "out"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--noise", "loud"], "human"),
+        (["--teachers", "0"], "teachers is 0"),
+        (["--new-teachers", "-1"], "new-teachers is -1"),
+        (["--rollouts", "13"], "has 12"),
+        (["--rollouts", "2"], "rollouts is 2"),
+        (["--seed", "-1"], "seed is -1"),
+    ],
+)
+def test_bad_settings_leave_nothing(arguments, said, tmp_path, capsys):
+    assert said in _refused(capsys, "simulate", "--out", str(tmp_path / "out"), *arguments)
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_full_folder_is_not_overwritten(tmp_path, capsys):
+    (tmp_path / "mine").write_text("x")
+    assert "--force" in _refused(capsys, "simulate", "--out", str(tmp_path), *SMALL)
+    assert os.listdir(tmp_path) == ["mine"]
+
+
+def test_an_unwritable_place(capsys):
+    assert "Cannot write" in _refused(capsys, "demo", "--out", "/proc/steerlab/out")
+
+
+def test_no_opengl_is_said_before_anything_runs(tmp_path, caplog, monkeypatch):
+    """The study does not need it, only one picture of its report does."""
+
+    def refuse(width, height):
+        raise NoRenderer("Cannot draw offscreen. Install a software driver: apt-get install x")
+
+    def look_and_stop(*arguments):
+        assert "no picture from the camera. Cannot draw offscreen. Install" in caplog.text
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(camera, "_open_context", refuse)
+    monkeypatch.setattr(simulate, "run_population", look_and_stop)
+    assert main(["simulate", "--out", str(tmp_path / "out"), *SMALL]) == 130
+    assert os.listdir(tmp_path) == []
+
+
+def test_calibration_set_does_not_overwrite(tmp_path, capsys):
+    (tmp_path / "set.parquet").write_text("x")
+    said = _refused(capsys, "calibration-set", "--out", str(tmp_path / "set.parquet"))
+    assert "exists" in said
+
+
+def test_a_damaged_installation_is_said(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(calibration_set, "CALIBRATION_FILE", "missing.parquet")
+    assert "missing.parquet" in _refused(capsys, "simulate", "--out", str(tmp_path / "out"), *SMALL)
+
+
+def test_an_interrupt_leaves_nothing(tmp_path, capsys, monkeypatch):
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulate, "run_population", interrupt)
+    monkeypatch.setattr(simulate, "camera_frame", lambda *a: None)
+    assert main(["simulate", "--out", str(tmp_path / "out"), *SMALL]) == 130
+    assert "stopped" in capsys.readouterr().err
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.render
+def test_doctor_tells_how_to_mend(tmp_path, capsys):
+    assert main(["doctor", "--json", "--folder", str(tmp_path / "absent")]) == 1
+    findings = {one["what"]: one for one in json.loads(capsys.readouterr().out)}
+    assert {"Python", "Disk", "OpenGL", "Camera 64 x 64", "Physics"} <= set(findings)
+    assert not findings["Disk"]["ok"]
+    assert "--folder" in findings["Disk"]["mend"]
+    assert findings["OpenGL"]["ok"]
+    assert findings["Drawing, training"]["ok"]
+
+
+def test_doctor_sees_a_process_that_dies(monkeypatch):
+    monkeypatch.setattr(doctor, "_DRAW_AND_TRAIN", "import os; os.kill(os.getpid(), 11)")
+    found = doctor.examine(Path())[-1]
+    assert "not in one process" in found.found
+    assert "it ended with -11" in found.found
+    assert "make TORCH=cpu" in found.mend
+
+
+def test_doctor_without_opengl(capsys, monkeypatch):
+    def refuse(width, height):
+        raise NoRenderer("Cannot draw offscreen.")
+
+    monkeypatch.setattr(camera, "_open_context", refuse)
+    assert main(["doctor"]) == 1
+    assert "mend: sudo apt-get install libegl1" in capsys.readouterr().out
+
+
+def test_the_module_runs_as_a_program():
+    done = subprocess.run(
+        [sys.executable, "-m", cli.__name__, "simulate"], capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert "--out" in done.stderr
+
+
+def test_a_reader_that_has_seen_enough_is_no_error():
+    """As in ``steerlab --help | head -1``."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "steerlab.app.cli", "--help"]
+    done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, timeout=60)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, "")

@@ -1,0 +1,83 @@
+from dataclasses import replace
+
+import pytest
+
+from steerlab.app.doctor_loop import loop_findings, measure_loop
+from steerlab.app.loop_check import LoopCheck
+from steerlab.teleop.gates import FailedGate, LoopHealth
+from steerlab.teleop.sdl import SdlEvents
+
+
+def check(*failed, steps=1200, **changes):
+    health = {
+        "steps": steps,
+        "lateness_p50_ms": 0.01,
+        "lateness_p99_ms": 0.1,
+        "lateness_max_ms": 0.4,
+        "overruns": 0,
+        "frames": 3600,
+        "dropped": 0,
+        "frame_p50_ms": 6.0,
+        "frame_p99_ms": 9.0,
+        "input_age_p50_ms": 2.0,
+        "input_age_p99_ms": 4.0,
+    }
+    gates = tuple(FailedGate(name=name, value=99.0, limit=1.0) for name in failed)
+    return LoopCheck(
+        health=LoopHealth(**(health | changes)),
+        expected_steps=1200,
+        input_p50_ms=2.0,
+        input_p99_ms=4.0,
+        keep_p50_us=10.0,
+        keep_p99_us=20.0,
+        load=0.2,
+        failed=gates,
+    )
+
+
+def test_a_machine_that_keeps_time_has_nothing_to_mend():
+    findings = loop_findings(check(), "960x540")
+    assert all(one.ok and not one.mend for one in findings)
+    assert "1200 taken, 0 lost" in findings[0].found
+
+
+@pytest.mark.parametrize(
+    ("gate", "what"),
+    [
+        ("lateness_p99_ms", "Wake-up lateness"),
+        ("lateness_max_ms", "Wake-up lateness"),
+        ("overrun_share", "Control steps"),
+        ("dropped_share", "Display"),
+        ("input_age_p99_ms", "Input"),
+    ],
+)
+def test_each_gate_has_a_line_and_a_mend(gate, what):
+    bad = [one for one in loop_findings(check(gate), "960x540") if not one.ok]
+    assert [one.what for one in bad] == [what]
+    assert bad[0].mend
+
+
+def test_a_lost_step_and_no_display_are_said():
+    lost = loop_findings(check(steps=1199), "960x540")[0]
+    assert not lost.ok
+    assert "1 lost" in lost.found
+    blind = loop_findings(check(frames=0), "none")
+    assert "nothing was drawn" in next(one.found for one in blind if one.what == "Display")
+
+
+def test_a_load_that_the_system_does_not_tell_is_no_number():
+    untold = replace(check(), load=None)
+    for found, said in ((check(), "0.20 over the last minute"), (untold, "not told here")):
+        load = next(one for one in loop_findings(found, "none") if one.what == "Load")
+        assert load.ok
+        assert load.found == said
+
+
+def test_the_whole_loop_runs_and_every_motion_is_found_again(tmp_path):
+    with SdlEvents(window=False) as events:
+        found = measure_loop(tmp_path, events, None, seconds=0.5)
+    assert found.health.steps == found.expected_steps > 100
+    assert found.health.frames == 0
+    assert 0.0 <= found.input_p50_ms <= found.input_p99_ms
+    assert found.keep_p50_us > 0.0
+    assert (tmp_path / "study.db").exists()

@@ -1,0 +1,96 @@
+"""Files that are whole or not there, and what is waited for."""
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from steerlab.sim.files import whole_file as files
+from steerlab.sim.files.whole_file import put, sync_folder, whole_file
+
+
+def test_a_file_appears_whole_and_replaces_its_older_self(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with whole_file(path) as part:
+        part.write_text("new")
+        assert path.read_text() == "old"
+        assert part.parent == tmp_path
+        assert part.suffix == ".part"
+    assert path.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_a_block_that_fails_leaves_all_as_it_was(tmp_path, error):
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with pytest.raises(type(error)):
+        _fail(path, error)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_failed_first_is_told_when_the_part_cannot_be_deleted_either(tmp_path, monkeypatch):
+    """As on Windows, while the writer still has it open; the next attempt writes over it."""
+    with monkeypatch.context() as patch:
+        patch.setattr(files.Path, "unlink", _refuse)
+        with pytest.raises(ValueError, match="first"):
+            _fail(tmp_path / "a.txt", ValueError("first"))
+    with whole_file(tmp_path / "a.txt") as part:
+        part.write_text("whole")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
+
+
+def _fail(path: Path, error: BaseException) -> None:
+    with whole_file(path) as part:
+        part.write_text("half")
+        raise error
+
+
+def _refuse(*_: object, **__: object) -> None:
+    raise PermissionError(13, "in use by another process")
+
+
+def test_a_file_that_was_not_written_is_told(tmp_path):
+    with pytest.raises(FileNotFoundError), whole_file(tmp_path / "a.txt"):
+        pass
+
+
+def test_the_content_is_on_the_disk_before_the_name_and_the_name_before_it_returns(
+    tmp_path, monkeypatch
+):
+    synced = []
+
+    def fsync(handle: int) -> None:
+        kind = "folder" if stat.S_ISDIR(os.fstat(handle).st_mode) else "file"
+        synced.append((kind, (tmp_path / "a").exists()))
+
+    monkeypatch.setattr(files.os, "fsync", fsync)
+    (tmp_path / "part").write_text("x")
+    put(tmp_path / "part", tmp_path / "a")
+    assert synced == [("file", False), ("folder", True)]
+
+
+def test_what_is_flushed_may_be_written_as_windows_wants_it(tmp_path, monkeypatch):
+    def fsync(handle: int) -> None:
+        if not stat.S_ISDIR(os.fstat(handle).st_mode):
+            os.write(handle, b"")
+
+    monkeypatch.setattr(files.os, "fsync", fsync)
+    (tmp_path / "part").write_text("x")
+    put(tmp_path / "part", tmp_path / "a")
+
+
+def test_a_folder_that_no_system_call_opens_is_left_alone(tmp_path, monkeypatch):
+    monkeypatch.delattr(files.os, "O_DIRECTORY")
+    monkeypatch.setattr(files.os, "open", _refuse)
+    sync_folder(tmp_path)
+
+
+def test_a_folder_that_may_not_be_read_is_told(tmp_path, monkeypatch):
+    """It is Windows alone that is let off."""
+    monkeypatch.setattr(files.os, "open", _refuse)
+    with pytest.raises(PermissionError):
+        sync_folder(tmp_path)

@@ -1,0 +1,238 @@
+"""Schema 3: files of schema 2 are upgraded with their audit sealed; what is final stays."""
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from steerlab.study.store import tables as store_tables
+from steerlab.study.store.answers import insert_note, insert_response, read_notes, read_responses
+from steerlab.study.store.audit import append_audit, broken_at, entry_sha256, read_sealed
+from steerlab.study.store.erasure import erase_rows, scrub
+from steerlab.study.store.frozen import (
+    Instrument,
+    insert_model,
+    insert_protocol,
+    mark_model_removed,
+    read_instruments,
+    read_models,
+    read_protocols,
+)
+from steerlab.study.store.people import (
+    Departure,
+    Enrolment,
+    PhaseAct,
+    insert_enrolment,
+    insert_link,
+    insert_phase_event,
+    read_consents,
+    read_departures,
+    read_enrolments,
+    read_link_owner,
+    read_phase_events,
+)
+from steerlab.study.store.schema import STORE_VERSION, StoreError, connect
+from steerlab.study.store.store import StudyStore
+
+
+@pytest.fixture
+def old(tmp_path: Path) -> Path:
+    """A file of schema 2 with some acts in its audit."""
+    path = tmp_path / "study.db"
+    raw = sqlite3.connect(path, isolation_level=None)
+    raw.execute("PRAGMA journal_mode = WAL")
+    raw.executescript("".join(store_tables.VERSIONS[:2]))
+    raw.execute("INSERT INTO meta VALUES ('schema_version', '2'), ('created_by', 'steerlab 0.1.0')")
+    raw.execute("INSERT INTO participants VALUES ('P01', 'seen')")
+    for n in (1, 2, 5):
+        raw.execute("INSERT INTO audit VALUES (?, '2026', 'act', ?)", (n, f"détail {n}"))
+    raw.close()
+    return path
+
+
+@pytest.fixture
+def store(tmp_path: Path):
+    with StudyStore.create(tmp_path / "new.db") as store:
+        with store.connection.transaction("set up"):
+            insert_protocol(store.connection, sha256="a", text="t", why="w", instruments=[])
+            for name in ("P001", "P002"):
+                insert_enrolment(store.connection, enrolment(name))
+        yield store
+
+
+def enrolment(name: str) -> Enrolment:
+    return Enrolment(
+        participant=name,
+        role="test",
+        at_utc="",
+        protocol_version=1,
+        allocation="x",
+        order=("bc", "dagger"),
+    )
+
+
+def test_an_old_audit_is_sealed_and_goes_on(old: Path):
+    with StudyStore.open(old) as store:
+        store.record("consent", "v4")
+        entries = read_sealed(store.connection.sqlite)
+    assert [entry.id for entry in entries] == [1, 2, 5, 6, 7]
+    assert [entry.act for entry in entries] == ["act"] * 3 + ["schema upgraded", "consent"]
+    assert entries[3].detail.startswith(f"from 2 to {STORE_VERSION} by ")
+    assert broken_at(entries) is None
+
+
+def test_an_old_file_that_is_only_read_has_empty_tables(old: Path):
+    before = old.read_bytes()
+    with StudyStore.open(old, read_only=True) as store:
+        connection = store.connection
+        assert [one.sha256 for one in read_sealed(connection.sqlite)] == [None] * 3
+        assert read_enrolments(connection) == read_protocols(connection) == []
+        assert read_responses(connection) == read_phase_events(connection) == []
+        assert read_departures(connection) == read_consents(connection) == {}
+        assert read_notes(connection, None) == read_models(connection) == []
+        assert read_link_owner(connection, "x") is None
+        assert [entry.detail for entry in store.audit()] == ["détail 1", "détail 2", "détail 5"]
+    assert old.read_bytes() == before
+
+
+@given(
+    texts=st.lists(st.tuples(st.text(max_size=9), st.text(max_size=9)), min_size=2, max_size=6),
+    data=st.data(),
+)
+@settings(max_examples=60, deadline=None)
+def test_any_change_of_any_entry_breaks_the_chain(texts, data):
+    raw = sqlite3.connect(":memory:")
+    raw.execute("CREATE TABLE audit (id INTEGER PRIMARY KEY, at_utc, act, detail, sha256)")
+    for act, detail in texts:
+        append_audit(
+            raw, act.encode(errors="replace").decode(), detail.encode(errors="replace").decode()
+        )
+    assert broken_at(read_sealed(raw)) is None
+    row = data.draw(st.integers(1, len(texts)))
+    column = data.draw(st.sampled_from(["at_utc", "act", "detail", "sha256"]))
+    raw.execute(f"UPDATE audit SET {column} = {column} || 'x' WHERE id = ?", (row,))
+    assert broken_at(read_sealed(raw)).id == row
+    raw.close()
+
+
+def test_a_text_cannot_pass_for_two_fields():
+    assert entry_sha256("", 1, "t", "ab", "c") != entry_sha256("", 1, "t", "a", "bc")
+
+
+def test_enrolments_and_phases_come_back(store: StudyStore):
+    connection = store.connection
+    with connection.transaction("act"):
+        insert_phase_event(connection, "P001", "pre", PhaseAct.STARTED)
+        insert_phase_event(connection, "P001", "pre", PhaseAct.DONE, "all well")
+        insert_phase_event(connection, "P002", "pre", PhaseAct.SKIPPED)
+    assert [(one.participant, one.order) for one in read_enrolments(connection)] == [
+        ("P001", ("bc", "dagger")),
+        ("P002", ("bc", "dagger")),
+    ]
+    acts = read_phase_events(connection, "P001")
+    assert [(one.act, one.detail, one.first_attempt) for one in acts] == [
+        (PhaseAct.STARTED, "", 0),
+        (PhaseAct.DONE, "all well", 0),
+    ]
+    assert len(read_phase_events(connection)) == 3
+    with pytest.raises(StoreError, match="taken already"), connection.transaction("enrol"):
+        insert_enrolment(connection, enrolment("P001"))
+
+
+def test_only_the_newest_link_of_a_person_counts(store: StudyStore):
+    connection = store.connection
+    with connection.transaction("link"):
+        for participant, token in (("P001", "a"), ("P002", "b"), ("P001", "c")):
+            insert_link(connection, participant, token)
+    assert [read_link_owner(connection, token) for token in "abcd"] == [None, "P002", "P001", None]
+
+
+def test_protocols_and_models_come_back_and_are_final(store: StudyStore):
+    connection = store.connection
+    one = Instrument(key="trust", version=2, sha256="s")
+    with connection.transaction("freeze"):
+        version = insert_protocol(
+            connection, sha256="b", text="tt", why="better", instruments=[one]
+        )
+        insert_model(connection, file="m", sha256="h", people=["T001"], inputs="i")
+    assert version == 2
+    assert [(p.version, p.text, p.why) for p in read_protocols(connection)] == [
+        (1, "t", "w"),
+        (2, "tt", "better"),
+    ]
+    assert read_instruments(connection, 2) == {"trust": one}
+    (model,) = read_models(connection)
+    assert (model.people, model.removed_utc) == (("T001",), None)
+    with connection.transaction("remove"):
+        mark_model_removed(connection, model, "erased")
+    assert read_models(connection)[0].removed_utc is not None
+    with pytest.raises(StoreError, match="frozen"), connection.transaction("again"):
+        mark_model_removed(connection, model, "twice")
+
+
+def test_erasing_takes_one_person_and_leaves_the_other(store: StudyStore):
+    connection = store.connection
+    with connection.transaction("answer"):
+        for participant in ("P001", "P002"):
+            insert_response(
+                connection,
+                participant=participant,
+                phase="pre",
+                round_=0,
+                questionnaire="q",
+                item="i",
+                value="Zanzibar " + participant,
+            )
+            insert_note(connection, participant, "Timbuktu " + participant)
+    erase_rows(connection, "P001")
+    scrub(connection)
+    assert [one.participant for one in read_responses(connection)] == ["P002"]
+    assert read_notes(connection, "P001") == []
+    assert read_departures(connection) == {"P001": Departure.ERASING}
+    raw = b"".join(path.read_bytes() for path in store.path.parent.iterdir())
+    assert b"Zanzibar P002" in raw
+    assert b"P001" in raw  # the tombstone
+    assert b"Zanzibar P001" not in raw
+    assert b"Timbuktu P001" not in raw
+    assert broken_at(read_sealed(connection.sqlite)) is None
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "DELETE FROM responses",
+        "DELETE FROM notes",
+        "DELETE FROM departures",
+        "DELETE FROM enrolments",
+        "DELETE FROM protocols",
+        "UPDATE responses SET value = '1'",
+        "UPDATE protocols SET text = 'x'",
+        "UPDATE enrolments SET orders = '[]'",
+        "UPDATE phase_events SET what = 'done'",
+        "UPDATE departures SET how = 'kept'",
+        "UPDATE audit SET sha256 = 'x'",
+        "INSERT OR REPLACE INTO responses SELECT * FROM responses",
+        "INSERT OR REPLACE INTO notes SELECT * FROM notes",
+    ],
+)
+def test_nobody_else_changes_or_deletes(store: StudyStore, statement: str):
+    connection = store.connection
+    with connection.transaction("fill"):
+        insert_note(connection, None, "about the study")
+        insert_phase_event(connection, "P001", "pre", PhaseAct.STARTED)
+        insert_response(
+            connection,
+            participant="P001",
+            phase="pre",
+            round_=0,
+            questionnaire="q",
+            item="i",
+            value=3,
+        )
+    erase_rows(connection, "P002")
+    raw = connect(store.path, read_only=False)
+    with pytest.raises(sqlite3.IntegrityError):
+        raw.execute(statement)
+    raw.close()

@@ -1,0 +1,156 @@
+"""Enrolment: pseudonyms, orders, the frozen protocol, and programs that enrol at once."""
+
+import subprocess
+import sys
+from collections import Counter
+
+import pytest
+
+from steerlab.study.contract import PhaseState, Role, Standing, StudyError
+from steerlab.study.runner import RunConfig
+from steerlab.study.store.schema import STORE_VERSION, StoreError, connect
+from steerlab.study.study import Study
+
+
+def test_the_program_chooses_pseudonyms_and_orders(study):
+    training = [study.enrol(Role.TRAINING) for _ in range(3)]
+    test = [study.enrol(Role.TEST) for _ in range(12)]
+    assert [one.id for one in training] == ["T001", "T002", "T003"]
+    assert [one.id for one in test[:2]] == ["P001", "P002"]
+    assert all(one.order == () for one in training)
+    for block in (test[:6], test[6:]):
+        assert len({one.order for one in block}) == 6
+    assert [view.id for view in study.participants()] == [one.id for one in training + test]
+    assert test[0].standing is Standing.ENROLLED
+    assert {state for _, state in test[0].phases} == {PhaseState.WAITING}
+    assert test[0].next_phase.id == "consent"
+    with pytest.raises(StudyError, match=r"'P099' is not enrolled; enrolled are: T001"):
+        study.participant("P099")
+
+
+def test_the_same_protocol_gives_the_same_orders(study, tmp_path, folder):
+    (tmp_path / "other").mkdir()
+    text = (folder / "study.toml").read_text()
+    from steerlab.study.store.store import StudyStore
+
+    (tmp_path / "other" / "study.toml").write_text(text)
+    StudyStore.create(tmp_path / "other" / "study.db").close()
+    with Study.open(tmp_path / "other") as other:
+        assert [study.enrol(Role.TEST).order for _ in range(8)] == [
+            other.enrol(Role.TEST).order for _ in range(8)
+        ]
+
+
+def test_a_number_is_never_given_twice(study):
+    first = study.enrol(Role.TEST)
+    second = study.enrol(Role.TEST)
+    study.withdraw(first.id, erase=True)
+    third = study.enrol(Role.TEST)
+    assert third.id == "P003"
+    assert len({first.order, second.order, third.order}) == 3
+
+
+ENROLLER = """
+import sys
+from pathlib import Path
+from steerlab.study.contract import Role
+from steerlab.study.study import Study
+
+with Study.open(Path(sys.argv[1])) as study:
+    print("ready", flush=True)
+    sys.stdin.readline()
+    for _ in range(6):
+        view = study.enrol(Role.TEST)
+        print(view.id, *view.order, flush=True)
+"""
+
+
+@pytest.mark.slow
+def test_programs_that_enrol_at_once_share_the_blocks(folder):
+    programs = [
+        subprocess.Popen(
+            [sys.executable, "-c", ENROLLER, str(folder)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for _ in range(2)
+    ]
+    for program in programs:
+        assert program.stdout.readline() == "ready\n"
+    for program in programs:
+        program.stdin.write("go\n")
+        program.stdin.flush()
+    said = [line.split() for program in programs for line in program.communicate()[0].splitlines()]
+    assert all(program.returncode == 0 for program in programs)
+    assert sorted(words[0] for words in said) == [f"P{n:03d}" for n in range(1, 13)]
+    assert set(Counter(tuple(words[1:]) for words in said).values()) == {2}
+    with Study.open(folder, read_only=True) as study:
+        assert next(one for one in study.verify().findings if one.what == "Condition orders").ok
+
+
+def test_a_protocol_changed_after_freezing_is_refused_with_both_hashes(study, folder, change):
+    change(folder, ("seed = 2021", "seed = 2022"))  # nobody is enrolled: simply a change
+    who = study.enrol(Role.TEST).id
+    frozen = study.verify().findings
+    assert all(one.ok for one in frozen if one.what == "Protocol")
+    change(folder, ("seed = 2022", "seed = 2023"))
+    for act in (
+        lambda: study.enrol(Role.TEST),
+        lambda: study.run(who, RunConfig(device="scripted:human:1")),
+    ):
+        with pytest.raises(StudyError) as refused:
+            act()
+        said = str(refused.value)
+        assert said.count("sha256 is") == 1
+        assert len({word.strip(",.") for word in said.split() if len(word.strip(",.")) == 64}) == 2
+        assert "The first difference is line 9: it was 'seed = 2022" in said
+        assert "it is 'seed = 2023" in said
+        assert "study amend" in said
+    assert [one.id for one in study.participants()] == [who]
+    assert not all(one.ok for one in study.verify().findings if one.what == "Protocol")
+
+
+def test_an_amendment_is_a_new_version_for_those_who_come_after(study, folder, change):
+    with pytest.raises(StudyError, match="not frozen yet"):
+        study.amend("why not")
+    before = study.enrol(Role.TEST)
+    with pytest.raises(StudyError, match="as version 1 has it"):
+        study.amend("nothing")
+    change(folder, ('title = "Practice drive"', 'title = "Warming up"'))
+    with pytest.raises(StudyError, match="needs its reason"):
+        study.amend("  ")
+    assert study.amend("a better title") == 2
+    after = study.enrol(Role.TEST)
+    titles = [
+        [phase.title for phase, _ in study.participant(one.id).phases if phase.id == "practice"]
+        for one in (before, after)
+    ]
+    assert titles == [["Practice drive"], ["Warming up"]]
+    assert (before.protocol_version, after.protocol_version) == (1, 2)
+    assert before.order != after.order  # the same block goes on
+    assert all(one.ok for one in study.verify().findings if one.what == "Protocol")
+
+
+def test_an_amendment_must_be_right(study, folder, change):
+    study.enrol(Role.TEST)
+    change(folder, ('key = "bc"', 'key = "bcd"'))
+    with pytest.raises(StudyError, match=r"line \d+: conditions\[2\]\.key is 'bcd'"):
+        study.amend("a new condition")
+    change(folder, ('key = "bcd"', 'key = "bc"'))
+    assert study.enrol(Role.TEST).protocol_version == 1
+
+
+def test_a_wrong_protocol_enrols_nobody(study, folder, change):
+    change(folder, ('kind = "calibration"', 'kind = "calibrations"'))
+    with pytest.raises(StudyError, match=r"phases\[6\]\.kind is 'calibrations'"):
+        study.enrol(Role.TRAINING)
+    assert study.change_count() == 0
+
+
+def test_a_database_from_a_newer_version_is_refused(folder):
+    other = connect(folder / "study.db", read_only=False)
+    other.execute("UPDATE meta SET value = ? WHERE key = 'schema_version'", (STORE_VERSION + 1,))
+    other.close()
+    with pytest.raises(StoreError, match="Upgrade steerlab"):
+        Study.open(folder)

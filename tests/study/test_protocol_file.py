@@ -1,0 +1,179 @@
+"""study.toml: the template, and everything that can be wrong in one."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from steerlab.sim.errors import InvalidConfig
+from steerlab.study.contract import PhaseKind, Role, StudyError
+from steerlab.study.new import new_study, template_names
+from steerlab.study.protocol_file import parse_protocol, study_questionnaires
+from steerlab.study.study import Study
+from steerlab.study.way import way_of
+
+ORDER = ("dagger", "bc", "mind_meld")
+
+
+@pytest.fixture
+def text(tmp_path: Path) -> str:
+    new_study(tmp_path / "template", "mind-meld")
+    return (tmp_path / "template" / "study.toml").read_text()
+
+
+def parse(text: str):
+    return parse_protocol(text, "my/study.toml", study_questionnaires(Path("nowhere")))
+
+
+def test_the_template_is_the_papers_procedure(text):
+    protocol = parse(text)
+    assert template_names() == ["mind-meld"]
+    assert [one.key for one in protocol.conditions] == ["mind_meld", "bc", "dagger"]
+    assert len(protocol.rollouts) == 12
+    assert not protocol.display.show_agent_wheel
+    training = way_of(protocol, Role.TRAINING, ())
+    assert [phase.kind for phase in training] == [
+        PhaseKind.CONSENT,
+        PhaseKind.QUESTIONNAIRES,
+        PhaseKind.INSTRUCTIONS,
+        PhaseKind.PRACTICE,
+        PhaseKind.INSTRUCTIONS,
+        PhaseKind.CALIBRATION,
+        PhaseKind.DEBRIEF,
+    ]
+    assert training[0].text == ()  # the console asks for the newest consent text
+    test = way_of(protocol, Role.TEST, ORDER)
+    taught = [(one.id, one.condition) for one in test if one.kind is PhaseKind.TEACH]
+    assert taught == [("teach-1", "dagger"), ("teach-2", "bc"), ("teach-3", "mind_meld")]
+    about = [(one.id, one.condition) for one in test if one.questionnaires and one.condition]
+    assert about == [
+        ("after-teach-1", "dagger"),
+        ("after-teach-2", "bc"),
+        ("after-teach-3", "mind_meld"),
+    ]
+    assert len({phase.id for phase in test}) == len(test)
+    for phase in test:  # participants do not learn which learner they teach
+        assert not any(key in phase.title for key in (*ORDER, "DAgger", "MIND MELD", "cloning"))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "key", "allowed"),
+    [
+        ('kind = "consent"', 'kimd = "consent"', "phases[1].kimd", "did you mean 'kind'?"),
+        ("seed = 2021", "sede = 2021", "sede", "did you mean 'seed'?"),
+        ("[wheel]", "[wheels]", "wheels", "did you mean 'wheel'?"),
+        ("autocentre = 0.3", "autocenter = 0.3", "wheel.autocenter", "did you mean 'autocentre'?"),
+        ("autocentre = 0.3", "autocentre = 1.3", "wheel.autocentre", "from 0 to 1"),
+        ('key = "bc"', 'key = "bcc"', "conditions[2].key", "one of mind_meld, bc, dagger, oracle"),
+        ('key = "bc"', 'key = "mind_meld"', "conditions[2].key", "another one"),
+        ('"fluency"]', '"fluncy"]', "phases[9].after", "questionnaires/fluncy.toml"),
+        ('id = "calibration"', 'id = "practice"', "phases[6].id", "'practice' is taken"),
+        ('id = "calibration"', 'id = "teach-1"', "phases[9].id", "'teach-1' is taken"),
+        ('id = "calibration"', 'id = "Calibration!"', "phases[6].id", "lower-case letters"),
+        ('test_prefix = "P"', 'test_prefix = "T"', "test_prefix", "ids would overlap"),
+        ('test_prefix = "P"', 'test_prefix = "p"', "test_prefix", "capital letters"),
+        ("rollouts = 12 ", "rollouts = 13 ", "rollouts", "from 1 to 12"),
+        ("rollouts = 12 ", "rollouts = true ", "rollouts", "a list"),
+        (
+            "rollouts = 12 ",
+            'rollouts = ["calibration-00", "calibration-00"]',
+            "rollouts[2]",
+            "once",
+        ),
+        ("block_size = 6 ", "block_size = 4 ", "block_size", "a multiple of 6"),
+        ('kind = "practice"', 'kind = "practise"', "phases[4].kind", "one of consent, questionn"),
+        ('roles = ["test"]', 'roles = ["tset"]', "phases[7].roles[1]", "one of training, test"),
+        ('roles = ["test"]', 'roles = ["training"]', "phases[7].roles", "have no calibrate_w"),
+        ("version = 1", 'version = "1"', "consent.version", "a whole number"),
+        ("format = 1", "format = 2", "format", "the only one there is"),
+        ('preset = "lab"', 'preset = "labs"', "mapper.preset", "one of lab, paper"),
+        ("balls = 5", "balls = 0", "practice.balls", "at least 1"),
+        ("alpha = 0.05", "alpha = 5", "plan.alpha", "between 0 and 1"),
+        ('correction = "holm"', 'correction = "bonf"', "plan.correction", "one of holm, bh, none"),
+        ("exclusions = [", 'exclusions = ["",', "plan.exclusions[1]", "some words"),
+        ('id = "H2a"', 'id = "H1"', "plan.hypotheses[2].id", "it is taken"),
+        ('outcome = "drives', 'outcom = "drives', "plan.hypotheses[7].outcom", "outcome"),
+        ("demonstrations = 12 ", "demonstrations = 0 ", "demonstrations", "at least 1"),
+        ("seed = 2021 ", "seed = -1 ", "seed", "at least 0"),
+        ('view = "front"', 'view = "top"', "display.view", "one of front, chase"),
+        ("show_agent_wheel = false", "show_agent_wheel = 0", "display.show_agent_wheel", "true or"),
+        ('kind = "calibrate_w"', 'kind = "calibration"', "phases[7].kind", "once among the phases"),
+        (
+            'kind = "consent"',
+            'kind = "practice"',
+            "phases[1].kind",
+            "consent: it must be the first",
+        ),
+    ],
+)
+def test_an_error_names_file_line_key_value_and_what_is_allowed(text, before, after, key, allowed):
+    assert before in text
+    broken = text.replace(before, after, 1)
+    with pytest.raises(StudyError) as refused:
+        parse(broken)
+    said = str(refused.value)
+    place = re.match(r"my/study\.toml, line (\d+): (\S+) is (.+); it must be (.+)\.$", said)
+    assert place, said
+    assert place[2] == key
+    assert allowed in place[4]
+    line = broken.splitlines()[int(place[1]) - 1]
+    assert line.strip(), said
+    assert after.split(" = ")[0] in line or key.rpartition(".")[0].partition("[")[0] in line, line
+
+
+@pytest.mark.parametrize(
+    ("cut", "said"),
+    [
+        ('title = "How people correct a driving robot"\n', "title is None"),
+        ('id = "practice"\n', "phases[4].id is None; it must be given: a text"),
+        ("width = 960", "text"),
+    ],
+)
+def test_what_is_missing_is_named(text, cut, said):
+    assert cut in text
+    if cut.startswith("width"):
+        text, said = text.replace(cut, "width = 9", 1), "display: A window of 9x540"
+        with pytest.raises(StudyError, match=r"my/study.toml, line \d+: " + said):
+            parse(text)
+        return
+    with pytest.raises(StudyError, match=re.escape(said)):
+        parse(text.replace(cut, "", 1))
+
+
+def test_what_is_no_toml_is_named_with_its_line(text):
+    with pytest.raises(StudyError, match=r"my/study\.toml is no TOML: .*line 1,"):
+        parse("= oops\n" + text)
+
+
+def test_a_way_without_calibration_is_refused(text):
+    start = text.index('[[phases]]\nid = "calibration"')
+    end = text.index('[[phases]]\nid = "calibrate-w"')
+    with pytest.raises(StudyError, match="one of kind calibration for training participants"):
+        parse(text[:start] + text[end:])
+
+
+def test_a_study_brings_its_own_questionnaires(folder, change):
+    own = folder / "questionnaires"
+    own.mkdir()
+    shipped = Path(__file__).parents[2] / "assets" / "questionnaires" / "fluency.toml"
+    (own / "ours.toml").write_text(shipped.read_text().replace('"fluency"', '"ours"', 1))
+    change(folder, ('["fluency", "demographics"]', '["ours"]'))
+    with Study.open(folder) as study:
+        who = study.enrol(Role.TRAINING).id
+        assert study.questionnaire("ours").key == "ours"
+        study.consent(who, given=True)
+        assert set(study.submit(who, "about-you")) == {"ours"}
+    (own / "ours.toml").write_text("format = 1")
+    with pytest.raises(InvalidConfig, match=r"ours\.toml"):
+        Study.open(folder)
+
+
+def test_making_a_study_never_overwrites(tmp_path):
+    new_study(tmp_path / "a", "mind-meld")
+    with pytest.raises(StudyError, match="exists already"):
+        new_study(tmp_path / "a", "mind-meld")
+    with pytest.raises(StudyError, match="choose one of mind-meld"):
+        new_study(tmp_path / "b", "mind-melt")
+    assert not (tmp_path / "b").exists()
+    with pytest.raises(StudyError, match="There is no study in"):
+        Study.open(tmp_path)
