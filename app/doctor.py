@@ -42,7 +42,7 @@ draw()
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class CheckResult:
     """One line of the doctor's; ``mend`` is empty where all is well."""
 
     what: str
@@ -51,29 +51,29 @@ class Finding:
     mend: str = ""
 
 
-def examine(folder: Path) -> list[Finding]:
+def examine(folder: Path) -> list[CheckResult]:
     """Python, processor, disk (of ``folder``), versions, OpenGL, physics, and drawing beside PyTorch."""
     return [_python(), _processor(), _disk(folder), *_versions(), *_camera(), _training()]
 
 
-def _python() -> Finding:
+def _python() -> CheckResult:
     found = ".".join(map(str, sys.version_info[:3]))
     ok = sys.version_info >= MIN_PYTHON
-    return Finding(what="Python", found=found, ok=ok, mend="" if ok else "Install Python 3.11.")
+    return CheckResult(what="Python", found=found, ok=ok, mend="" if ok else "Install Python 3.11.")
 
 
-def _processor() -> Finding:
+def _processor() -> CheckResult:
     cores = available_cores()
     ok = cores >= 2
     mend = "" if ok else "Give it two cores: the loop and the drawing each want one."
-    return Finding(what="Processor", found=f"{cores} cores, {cpu_model()}", ok=ok, mend=mend)
+    return CheckResult(what="Processor", found=f"{cores} cores, {cpu_model()}", ok=ok, mend=mend)
 
 
-def _disk(folder: Path) -> Finding:
+def _disk(folder: Path) -> CheckResult:
     try:
         free_gb = shutil.disk_usage(folder).free / 1e9
     except OSError as error:
-        return Finding(
+        return CheckResult(
             what="Disk",
             found=f"{folder}: {error.strerror}",
             ok=False,
@@ -81,16 +81,16 @@ def _disk(folder: Path) -> Finding:
         )
     ok = free_gb >= MIN_FREE_GB
     mend = "" if ok else f"Free {MIN_FREE_GB:g} GB: a full disk stops a session."
-    return Finding(what="Disk", found=f"{free_gb:.1f} GB free", ok=ok, mend=mend)
+    return CheckResult(what="Disk", found=f"{free_gb:.1f} GB free", ok=ok, mend=mend)
 
 
-def _versions() -> list[Finding]:
+def _versions() -> list[CheckResult]:
     shown = [name for name in versions() if name not in ("python", "cpu", "platform")]
     found = ", ".join(f"{name} {versions()[name]}" for name in shown)
-    return [Finding(what="Versions", found=found, ok=True)]
+    return [CheckResult(what="Versions", found=found, ok=True)]
 
 
-def _camera() -> list[Finding]:
+def _camera() -> list[CheckResult]:
     from steerlab.sim.engine.camera import Camera, CameraConfig
     from steerlab.sim.engine.driving import Driving
     from steerlab.sim.engine.gl import INSTALL_HINT
@@ -98,26 +98,26 @@ def _camera() -> list[Finding]:
 
     backend = os.environ.get("MUJOCO_GL", "none")
     with Driving(generate_world("doctor", np.random.default_rng(0))) as driving:
-        findings: list[Finding] = []
+        findings: list[CheckResult] = []
         for config in (CameraConfig(), CameraConfig(width=960, height=540)):
             what = f"Camera {config.width} x {config.height}"
             try:
                 with Camera(driving.model, driving.data, config) as camera:
                     frame_ms = _ms_per_call(camera.frame)
             except NoRenderer as error:
-                return [Finding(what="OpenGL", found=str(error), ok=False, mend=INSTALL_HINT)]
+                return [CheckResult(what="OpenGL", found=str(error), ok=False, mend=INSTALL_HINT)]
             ok = frame_ms <= MAX_FRAME_MS
             mend = "" if ok else "Use a smaller picture, or a machine with a graphics driver."
-            findings.append(Finding(what=what, found=f"{frame_ms:.1f} ms", ok=ok, mend=mend))
+            findings.append(CheckResult(what=what, found=f"{frame_ms:.1f} ms", ok=ok, mend=mend))
         step_us = 1e3 * _ms_per_call(lambda: driving.step(0.0))
     return [
-        Finding(what="OpenGL", found=backend, ok=True),
+        CheckResult(what="OpenGL", found=backend, ok=True),
         *findings,
-        Finding(what="Physics", found=f"{step_us:.0f} µs per control step", ok=True),
+        CheckResult(what="Physics", found=f"{step_us:.0f} µs per control step", ok=True),
     ]
 
 
-def _training() -> Finding:
+def _training() -> CheckResult:
     """PyTorch's Triton and Mesa's drivers can kill the process they share (``triton_order``)."""
     what, brought = "Drawing, training", "without Triton"
     with suppress(PackageNotFoundError):
@@ -126,9 +126,9 @@ def _training() -> Finding:
         [sys.executable, "-c", _DRAW_AND_TRAIN], capture_output=True, encoding="utf-8"
     )
     if done.returncode == 0:
-        return Finding(what=what, found=f"in one process, {brought}", ok=True)
+        return CheckResult(what=what, found=f"in one process, {brought}", ok=True)
     said = done.stderr.strip().rpartition("\n")[2] or f"it ended with {done.returncode}"
-    return Finding(
+    return CheckResult(
         what=what,
         found=f"not in one process, {brought}: {said}",
         ok=False,

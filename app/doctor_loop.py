@@ -6,15 +6,15 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from steerlab.app.doctor import Finding
+from steerlab.app.doctor import CheckResult
 from steerlab.app.loop_check import LoopCheck, check_loop
 from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
 from steerlab.teleop.devices.contract import DeviceInfo, InputKind
-from steerlab.teleop.gates import FailedGate, GateConfig
 from steerlab.teleop.pacing import PacingConfig
 from steerlab.teleop.screen.contract import Screen
 from steerlab.teleop.screen.drive_screen import DriveScreen, open_screen
 from steerlab.teleop.sdl import NoDisplay, SdlEvents
+from steerlab.teleop.timing_limits import GateConfig, TimingViolation
 
 BUSY = "Close other programs, set the processor to full speed, and try again."
 DRAWING = "Use a smaller window (--size 960x540) or a machine with a graphics driver."
@@ -31,7 +31,7 @@ KEEP_P99_US = 100.0  # handing a step to the recorder may cost the loop this muc
 
 def examine_loop(
     folder: Path, seconds: float, progress: Callable[[str, float], None]
-) -> list[Finding]:
+) -> list[CheckResult]:
     """Run the loop for some seconds; without a display only the control steps are judged.
 
     Args:
@@ -71,20 +71,20 @@ def measure_loop(
         )
 
 
-def loop_findings(check: LoopCheck, drawn: str) -> list[Finding]:
+def loop_findings(check: LoopCheck, drawn: str) -> list[CheckResult]:
     """A line for each thing that can be bad."""
     health, config = check.health, GateConfig()
     failed = {gate.name: gate for gate in check.failed}
     lost = check.expected_steps - health.steps
     shown = health.frames + health.dropped
     findings = [
-        Finding(
+        CheckResult(
             what="Control steps",
             found=f"{health.steps} taken, {lost} lost, {health.overruns} overran",
             ok=lost == 0 and "overrun_share" not in failed,
             mend=_mend(failed, "overrun_share"),
         ),
-        Finding(
+        CheckResult(
             what="Wake-up lateness",
             found=f"p50 {health.lateness_p50_ms:.3f}, p99 {health.lateness_p99_ms:.3f}, worst "
             f"{health.lateness_max_ms:.2f} ms (limits {config.lateness_p99_ms:g} and "
@@ -92,14 +92,14 @@ def loop_findings(check: LoopCheck, drawn: str) -> list[Finding]:
             ok=not failed.keys() & {"lateness_p99_ms", "lateness_max_ms"},
             mend=_mend(failed, "lateness_p99_ms", "lateness_max_ms"),
         ),
-        Finding(
+        CheckResult(
             what="Input",
             found=f"a motion is known after p50 {check.input_p50_ms:.2f}, p99 "
             f"{check.input_p99_ms:.2f} ms, without the wheel's own delay",
             ok="input_age_p99_ms" not in failed,
             mend=_mend(failed, "input_age_p99_ms"),
         ),
-        Finding(
+        CheckResult(
             what="Recording",
             found=f"p50 {check.keep_p50_us:.1f}, p99 {check.keep_p99_us:.1f} µs a step in the loop",
             ok=check.keep_p99_us <= KEEP_P99_US,
@@ -108,7 +108,7 @@ def loop_findings(check: LoopCheck, drawn: str) -> list[Finding]:
     ]
     if shown:
         findings.append(
-            Finding(
+            CheckResult(
                 what="Display",
                 found=f"{health.frames} frames, {health.dropped} left out "
                 f"({health.dropped / shown:.1%}), p50 {health.frame_p50_ms:.1f}, p99 "
@@ -118,13 +118,15 @@ def loop_findings(check: LoopCheck, drawn: str) -> list[Finding]:
             )
         )
     else:
-        findings.append(Finding(what="Display", found="none here, so nothing was drawn", ok=True))
+        findings.append(
+            CheckResult(what="Display", found="none here, so nothing was drawn", ok=True)
+        )
     load = "not told here" if check.load is None else f"{check.load:.2f} over the last minute"
-    findings.append(Finding(what="Load", found=load, ok=True))
+    findings.append(CheckResult(what="Load", found=load, ok=True))
     return findings
 
 
-def _mend(failed: dict[str, FailedGate], *names: str) -> str:
+def _mend(failed: dict[str, TimingViolation], *names: str) -> str:
     return next((MENDS[name] for name in names if name in failed), "")
 
 

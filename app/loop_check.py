@@ -27,12 +27,12 @@ from steerlab.teleop.devices.virtual import G920, LOGITECH, VirtualJoystick
 from steerlab.teleop.devices.wheel import WheelDevice
 from steerlab.teleop.drives.contract import Drive
 from steerlab.teleop.drives.replay import Replay
-from steerlab.teleop.gates import FailedGate, GateConfig, LoopHealth, failed_gates
 from steerlab.teleop.loop import run_drive
 from steerlab.teleop.pacing import NS_PER_S, PacingConfig, WallClock, no_garbage_collection
 from steerlab.teleop.screen.contract import DriveView, Screen
 from steerlab.teleop.sdl import SdlEvents
 from steerlab.teleop.timing import StepTiming
+from steerlab.teleop.timing_limits import GateConfig, LoopHealth, TimingViolation, failed_gates
 
 TURN_HZ = 0.4  # the wheel goes from side to side this often
 MOVES_HZ = 250.0  # and is moved this often, as a wheel reports
@@ -59,7 +59,7 @@ class LoopCheck:
     keep_p50_us: float
     keep_p99_us: float
     load: float | None
-    failed: tuple[FailedGate, ...]
+    failed: tuple[TimingViolation, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""

@@ -8,8 +8,8 @@ from typing import Literal, get_args
 import numpy as np
 import pyarrow as pa
 
+from steerlab.learning.baselines import fit_baselines, left_out
 from steerlab.learning.label_quality import LabelQuality, mapper_quality
-from steerlab.learning.ladder import build_ladder, left_out
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper, stack_embeddings
 from steerlab.learning.presets import preset
 from steerlab.learning.probe import StyleProbe, style_parameters
@@ -27,11 +27,11 @@ Progress = Callable[[str, float], None]
 """Told what is being done and which share of it is, 0 to 1."""
 
 Ladder = Literal["full", "quick"]
-"""Which rungs: all, or those that need no further training of a network."""
+"""Which baselines: all, or those that need no further training of a network."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class PopulationConfig:
+class PopulationRunConfig:
     """Who labels what, and how it is learned."""
 
     teachers: int = 34  # the paper's number of training participants
@@ -69,7 +69,7 @@ class Scores:
 class PopulationResult:
     """Everything a population run found; what is written and shown is made from this."""
 
-    config: PopulationConfig
+    config: PopulationRunConfig
     rollouts: tuple[Rollout, ...]
     seen: list[ScriptedTeacher]
     new: list[ScriptedTeacher]
@@ -77,7 +77,7 @@ class PopulationResult:
     parts: StudySplit
     mapper: MindMeldMapper
     scores: dict[str, Scores]  # by split
-    left_out: dict[str, str]  # rungs that were not judged, and why
+    left_out: dict[str, str]  # baselines that were not judged, and why
     probe: StyleProbe | None
     spearman_new: dict[str, float]
     seconds: dict[str, float]
@@ -87,7 +87,7 @@ class PopulationResult:
         return stack_embeddings(self.mapper, [teacher.name for teacher in teachers])
 
 
-def run_population(config: PopulationConfig, progress: Progress) -> PopulationResult:
+def run_population(config: PopulationRunConfig, progress: Progress) -> PopulationResult:
     """Run the study; the same config gives the same labels and figures.
 
     Raises:
@@ -131,7 +131,7 @@ def run_population(config: PopulationConfig, progress: Progress) -> PopulationRe
     without = left_out(
         [parts], preset(config.preset), full=config.ladder == "full", styles_known=True
     )
-    ladder = build_ladder(
+    ladder = fit_baselines(
         mapper,
         parts,
         seed=config.seed,

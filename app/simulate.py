@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from steerlab.analysis.report import render_report
 from steerlab.analysis.summary import Summary
-from steerlab.app.population_run import PopulationConfig, Progress, run_population
+from steerlab.app.population_run import PopulationRunConfig, Progress, run_population
 from steerlab.app.simulation_report import (
     camera_frame,
     compose_report,
@@ -32,7 +32,7 @@ _log = logging.getLogger(__name__)
 
 
 def simulate(
-    config: PopulationConfig, out: Path, *, force: bool, command: str, progress: Progress
+    config: PopulationRunConfig, out: Path, *, force: bool, command: str, progress: Progress
 ) -> Summary:
     """Run the study and write ``out``: labels, teachers, model, report and summary.
 

@@ -16,7 +16,7 @@ from steerlab.analysis.synthetic_report import (
 )
 from steerlab.learning.checkpoint import save_mapper
 from steerlab.learning.synthetic.demonstrators import WHEEL_PER_RAD, Timing, label_drives
-from steerlab.learning.synthetic.drives import Drive
+from steerlab.learning.synthetic.drives import SyntheticDrive
 from steerlab.learning.synthetic.experiment import SyntheticConfig, SyntheticResult, run_synthetic
 from steerlab.learning.training_budget import Progress
 from steerlab.sim.files.output_folder import output_folder
@@ -104,7 +104,7 @@ def compose_report(
     )
 
 
-def _shown(result: SyntheticResult, drive: Drive) -> ShownDrive:
+def _shown(result: SyntheticResult, drive: SyntheticDrive) -> ShownDrive:
     """A drive as the strongest over-corrector of each timing there is labels it."""
     degrees = np.degrees(1.0 / WHEEL_PER_RAD)
     feedback: dict[str, np.ndarray] = {}

@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
 
-from steerlab.learning.agents import rung_of
+from steerlab.learning.agents import baseline_of
 from steerlab.learning.agents.teaching import TeachingConfig
 from steerlab.learning.policy import Inputs, PolicyConfig
 from steerlab.learning.policy_training import PolicyTrainingConfig
@@ -81,7 +81,7 @@ class TeachConfig:
         if not self.learners or len(set(self.learners)) != len(self.learners):
             raise InvalidConfig(f"learners is {', '.join(self.learners)!r}; name each once.")
         for learner in self.learners:
-            rung_of(learner)
+            baseline_of(learner)
         if self.starts_on_the_way > self.starts:
             raise InvalidConfig(
                 f"starts-on-the-way {self.starts_on_the_way} are more than all {self.starts} starts."
@@ -90,9 +90,9 @@ class TeachConfig:
         make_task(self.task, noise=self.noise, speed_mps=self.speed_mps)
 
     @property
-    def rungs(self) -> set[str]:
+    def baselines(self) -> set[str]:
         """The mappers that the learners need."""
-        return {rung for rung in map(rung_of, self.learners) if rung is not None}
+        return {baseline for baseline in map(baseline_of, self.learners) if baseline is not None}
 
     @property
     def teaching(self) -> TeachingConfig:

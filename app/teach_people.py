@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from steerlab.app.teach_config import TeachConfig
+from steerlab.learning.baselines import BASELINES, CEILING, fit_baselines
 from steerlab.learning.checkpoint import load_mapper, save_mapper
-from steerlab.learning.ladder import CEILING, LADDER, build_ladder
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
 from steerlab.learning.presets import LAB
 from steerlab.learning.series import LabelSeries, series_from_table
@@ -65,7 +65,7 @@ def prepare(
         InvalidCheckpoint: the kept file is damaged.
     """
     teachers = sample_teachers(config)
-    if not config.rungs:
+    if not config.baselines:
         return Prepared(teachers=teachers, mappers={})
     rollouts = load_calibration_set()
     others = _sample(config, config.training_teachers, prefix="seen")
@@ -76,17 +76,17 @@ def prepare(
         train_seen=tuple(seen), held_out_seen=(), calibrate_new=tuple(new), held_out_new=()
     )
     styles = None
-    if CEILING in config.rungs:
+    if CEILING in config.baselines:
         styles = {one.name: _style_of(one) for one in (*others, *teachers)}
-    ladder = build_ladder(
+    ladder = fit_baselines(
         mind_meld,
         parts,
         seed=config.seed,
         on_step=lambda share: progress("fitting other mappers", share),
-        without={*LADDER, CEILING} - config.rungs,
+        without={*BASELINES, CEILING} - config.baselines,
         styles=styles,
     )
-    return Prepared(teachers=teachers, mappers={name: ladder[name] for name in config.rungs})
+    return Prepared(teachers=teachers, mappers={name: ladder[name] for name in config.baselines})
 
 
 def given_mapper(path: Path) -> MindMeldMapper:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from steerlab.learning.agents import Episode, RoundResult, Stage
+from steerlab.learning.agents import Episode, RoundResult, TaskEnv
 from steerlab.learning.policy import PolicyNetwork, save_policy
 from steerlab.sim.files.kept_files import keeping
 from steerlab.sim.files.output_folder import OutputError
@@ -104,7 +104,7 @@ def final_drives(results: Sequence[RoundResult]) -> list[dict[str, Any]]:
     ]
 
 
-def shown_frames(stage: Stage, episode: Episode) -> list[str]:
+def shown_frames(stage: TaskEnv, episode: Episode) -> list[str]:
     """What the camera saw, evenly spread over the drive: base64 of PNG, 64 x 64."""
     rollout = episode.rollout
     frames: list[str] = []

@@ -16,7 +16,7 @@ from steerlab.app.teach_shards import (
     read_shard,
     shard_path,
 )
-from steerlab.app.teach_worker import Taught, Unit, Workshop, open_workshop, run_unit
+from steerlab.app.teach_worker import TaughtUnit, Unit, Workshop, open_workshop, run_unit
 from steerlab.sim.engine.gl import draw_without_threads
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.kept_files import write_json
@@ -88,7 +88,7 @@ def run_units(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _cancel(waiting: Mapping[Future[Taught], Unit], teacher: Person) -> None:
+def _cancel(waiting: Mapping[Future[TaughtUnit], Unit], teacher: Person) -> None:
     """Whatever else a teacher who is left out would have taught."""
     for future, unit in waiting.items():
         if unit.teacher.name == teacher.name:
@@ -118,7 +118,7 @@ def _run_here(
     progress("teaching", 1.0)
 
 
-def _keep(taught: Taught, out: Path) -> None:
+def _keep(taught: TaughtUnit, out: Path) -> None:
     """Add a unit to its teacher's shard; only this process writes them."""
     unit = taught.unit
     path = shard_path(out, unit.teacher.name)

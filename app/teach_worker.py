@@ -14,7 +14,7 @@ from steerlab.learning.agents import (
     BallNeverReached,
     Episode,
     Judging,
-    Stage,
+    TaskEnv,
     demonstrate,
     make_agent,
     teach,
@@ -33,7 +33,7 @@ class Unit:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Taught:
+class TaughtUnit:
     """What came of a unit, in plain values.
 
     Attributes:
@@ -59,12 +59,12 @@ class Workshop:
         self, config: TeachConfig, mappers: Mapping[str, LabelMapper], folder: Path
     ) -> None:
         self._config, self._mappers, self._folder = config, mappers, folder
-        self._stage = Stage(config.make_task(), seed=config.seed)
+        self._stage = TaskEnv(config.make_task(), seed=config.seed)
         self._judging: dict[int, Judging] = {}
         self._teacher = ""  # whose demonstrations are kept, by seed
         self._shown: dict[int, tuple[Episode, int]] = {}
 
-    def run(self, unit: Unit, progress: Callable[[float], None]) -> Taught:
+    def run(self, unit: Unit, progress: Callable[[float], None]) -> TaughtUnit:
         """Teach one learner.
 
         A teacher who cannot demonstrate, or whose labels make training diverge, is left out with
@@ -75,8 +75,10 @@ class Workshop:
             demonstration, failed = self._demonstration(unit)
             result = self._teach(unit, demonstration, progress)
         except (BallNeverReached, TrainingDiverged) as error:
-            return Taught(unit=unit, failed_demonstrations=failed, result=None, left_out=str(error))
-        return Taught(unit=unit, failed_demonstrations=failed, result=result, left_out=None)
+            return TaughtUnit(
+                unit=unit, failed_demonstrations=failed, result=None, left_out=str(error)
+            )
+        return TaughtUnit(unit=unit, failed_demonstrations=failed, result=result, left_out=None)
 
     def close(self) -> None:
         """Free the stage."""
@@ -137,6 +139,6 @@ def open_workshop(config: TeachConfig, mappers: Mapping[str, LabelMapper], folde
     _OPEN.append(Workshop(config, mappers, folder))
 
 
-def run_unit(unit: Unit) -> Taught:
+def run_unit(unit: Unit) -> TaughtUnit:
     """One unit, in a worker process."""
     return _OPEN[-1].run(unit, lambda share: None)

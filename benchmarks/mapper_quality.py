@@ -2,7 +2,7 @@
 
 34 + 34 scripted people on the calibration set, population seeds 0 to 4, none of them used for
 tuning (100 to 119 were). A quarter of an hour; ``python -m benchmarks.mapper_quality --full`` also
-trains the slow rungs, which takes an hour. ``--look-ahead`` measures what mapping while labels
+trains the slow baselines, which takes an hour. ``--look-ahead`` measures what mapping while labels
 arrive costs, causal and with a fixed look-ahead, on populations 0 and 1 only.
 """
 
@@ -14,8 +14,8 @@ from time import perf_counter
 import numpy as np
 
 from benchmarks.rows import Row, at_least, at_most, print_rows
+from steerlab.learning.baselines import fit_baselines, left_out
 from steerlab.learning.label_quality import mapper_quality
-from steerlab.learning.ladder import build_ladder, left_out
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper, stack_embeddings
 from steerlab.learning.presets import LAB, MapperConfig
 from steerlab.learning.probe import StyleProbe, style_parameters
@@ -83,7 +83,7 @@ def study(
     people: int = PEOPLE,
     full: bool = False,
 ) -> dict[str, float]:
-    """One calibration study; improvement of each rung on held-out rollouts, and probe R²."""
+    """One calibration study; improvement of each baseline on held-out rollouts, and probe R²."""
     seen = sample_population(kind, people, seed, prefix="seen")
     new = sample_population(kind, people, seed, prefix="new")
     split = _split(seen, new)
@@ -92,7 +92,7 @@ def study(
     mapper.fit(split.train_seen)
     fit_s = perf_counter() - start_s
     mapper.calibrate(split.calibrate_new)
-    rungs: dict[str, LabelMapper] = build_ladder(
+    baselines: dict[str, LabelMapper] = fit_baselines(
         mapper,
         split,
         seed=seed,
@@ -102,9 +102,9 @@ def study(
     )
     rng = np.random.default_rng(seed)
     figures: dict[str, float] = {}
-    for name, rung in rungs.items():
-        figures[f"seen {name}"] = mapper_quality(rung, split.held_out_seen, rng).improvement
-        figures[f"new {name}"] = mapper_quality(rung, split.held_out_new, rng).improvement
+    for name, baseline in baselines.items():
+        figures[f"seen {name}"] = mapper_quality(baseline, split.held_out_seen, rng).improvement
+        figures[f"new {name}"] = mapper_quality(baseline, split.held_out_new, rng).improvement
     embeddings = [stack_embeddings(mapper, [one.name for one in part]) for part in (seen, new)]
     styles = [style_parameters([one.style for one in part]) for part in (seen, new)]
     probe = StyleProbe.fit(embeddings[0], styles[0])

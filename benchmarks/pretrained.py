@@ -16,9 +16,9 @@ from scipy.stats import rankdata
 
 from benchmarks.mapper_quality import last_second
 from benchmarks.rows import Row, at_least, at_most, print_rows
+from steerlab.learning.baselines.ridge import PersonRidgeMapper
 from steerlab.learning.empirical_bayes.mapper import EmpiricalBayesMapper
 from steerlab.learning.label_quality import mapper_quality
-from steerlab.learning.ladder.ridge import PersonRidgeMapper
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
 from steerlab.learning.pretrained.ceiling import CEILING_RANGES, CeilingMapper
 from steerlab.learning.pretrained.mapper import SimPretrainedMapper

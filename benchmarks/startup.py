@@ -16,8 +16,8 @@ PAIRS = 9
 _TORCH = ["-c", "import torch"]
 _TYRO = ["-c", "import tyro"]  # an empty interpreter with tyro
 _MUJOCO = ["-c", "import mujoco"]
-# MIND MELD, every other rung of the ladder, and what reads a trained one.
-_MAPPER = ["-c", "import steerlab.learning.ladder, steerlab.learning.checkpoint"]
+# MIND MELD, every other baseline of the ladder, and what reads a trained one.
+_MAPPER = ["-c", "import steerlab.learning.baselines, steerlab.learning.checkpoint"]
 _ENGINE = ["-c", "import steerlab.sim.engine.driving"]
 _STEERLAB = ["-m", "steerlab.app.cli"]
 

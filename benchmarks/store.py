@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 
 from benchmarks.rows import Row, at_least, at_most, print_rows
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.records import COLUMNS, LABELLED_STEP_SCHEMA, Gate, LabelledStep, row_from_step
+from steerlab.sim.records import COLUMNS, LABELLED_STEP_SCHEMA, Driver, LabelledStep, row_from_step
 from steerlab.sim.shards import read_shards, write_shard
 from steerlab.sim.world import WorldSpec
 from steerlab.study.store.records import StoredRollout
@@ -40,7 +40,7 @@ def _step(step: int) -> LabelledStep:
         y_m=0.1,
         heading_rad=0.01,
         speed_mps=5.0,
-        slip_mps=0.1,
+        lateral_speed_mps=0.1,
         yaw_rate_radps=0.2,
         acceleration_x_mps2=0.3,
         acceleration_y_mps2=0.4,
@@ -48,7 +48,7 @@ def _step(step: int) -> LabelledStep:
         teacher_label=0.6,
         oracle_label=0.7,
         executed_wheel=0.5,
-        gate=Gate.ROBOT,
+        gate=Driver.ROBOT,
         label_valid=True,
     )
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.rows import Row, at_most, print_rows
 from benchmarks.teleop import xvfb
-from steerlab.learning.agents import PolicyLearner, Stage, make_agent
+from steerlab.learning.agents import PolicyLearner, TaskEnv, make_agent
 from steerlab.learning.policy import IMAGE_SHAPE, MOTION_SIZE, Observations
 from steerlab.learning.policy_training import TrainingRows
 from steerlab.sim.records import LabelledStep
@@ -25,16 +25,16 @@ from steerlab.study.recording.session_recorder import SessionInfo, SessionRecord
 from steerlab.study.recording.writer import AttemptWriter
 from steerlab.study.teaching.conditions import TAUGHT
 from steerlab.study.teaching.learning import warm_up
-from steerlab.study.teaching.lesson import Lesson, make_lesson
-from steerlab.study.teaching.scripted_hand import ScriptedHand
+from steerlab.study.teaching.live_scripted_device import LiveScriptedDevice
+from steerlab.study.teaching.round_drive import RoundDrive, make_lesson
 from steerlab.teleop.drives.live import LiveDrive
-from steerlab.teleop.gates import LoopHealth
 from steerlab.teleop.loop import run_drive
 from steerlab.teleop.pacing import PacingConfig, WallClock, no_garbage_collection
 from steerlab.teleop.screen.contract import DriveView
 from steerlab.teleop.screen.drive_screen import DriveScreen, open_screen
 from steerlab.teleop.sdl import SdlEvents
 from steerlab.teleop.timing import StepTiming
+from steerlab.teleop.timing_limits import LoopHealth
 
 ROUNDS = 12
 REST_LIMIT_S = 3.0
@@ -85,7 +85,7 @@ def driving(drives: int) -> list[Row]:
         xvfb(),
         SdlEvents(window=True) as events,
         open_screen(events) as screen,
-        Stage(make_task("slalom"), seed=0) as stage,
+        TaskEnv(make_task("slalom"), seed=0) as stage,
     ):
         warm_up(stage, agent)
         screen.enter(stage.task.world)
@@ -93,14 +93,14 @@ def driving(drives: int) -> list[Row]:
         info = SessionInfo(
             participant="P001",
             role="test",
-            device=ScriptedHand(teacher, _lesson(stage, 1)).info,
+            device=LiveScriptedDevice(teacher, _lesson(stage, 1)).info,
             control_hz=20.0,
         )
         with SessionRecorder(Path(folder) / "study", info) as recorder:
             for number in range(1, drives + 1):
                 lesson = _lesson(stage, number)
                 drive = _Timed(lesson.drive, step_ms)
-                hand = ScriptedHand(teacher, lesson)
+                hand = LiveScriptedDevice(teacher, lesson)
                 record = recorder.begin(drive)
                 sink = _Sink(record, timings)
                 with no_garbage_collection():
@@ -156,7 +156,7 @@ class _Sink:
             self._timings.append(timing)
 
 
-def _lesson(stage: Stage, number: int) -> Lesson:
+def _lesson(stage: TaskEnv, number: int) -> RoundDrive:
     return make_lesson(
         stage,
         TAUGHT["dagger"],
@@ -169,7 +169,7 @@ def _lesson(stage: Stage, number: int) -> Lesson:
     )
 
 
-def _show(screen: DriveScreen, lesson: Lesson, clock: WallClock, fraction: float) -> None:
+def _show(screen: DriveScreen, lesson: RoundDrive, clock: WallClock, fraction: float) -> None:
     screen.show_drive(
         DriveView(
             pose=lesson.drive.between(fraction).pose,

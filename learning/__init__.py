@@ -1,1 +1,1 @@
-"""Label windows, MIND MELD, the baseline ladder and what is measured about them."""
+"""Label windows, MIND MELD, the baselines and what is measured about them."""

@@ -6,9 +6,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from steerlab.learning.baselines.given_embedding import NoEmbeddingMapper, TrueStyleMapper
+from steerlab.learning.baselines.other_embedding import MeanEmbeddingMapper, ShuffledEmbeddingMapper
 from steerlab.learning.calibration import encode
-from steerlab.learning.ladder.given_embedding import NoEmbeddingMapper, TrueStyleMapper
-from steerlab.learning.ladder.other_embedding import MeanEmbeddingMapper, ShuffledEmbeddingMapper
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
 from steerlab.learning.pretrained.mapper import SimPretrainedMapper
 from steerlab.learning.series import LabelSeries

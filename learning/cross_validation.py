@@ -7,11 +7,11 @@ from time import perf_counter
 
 import numpy as np
 
+from steerlab.learning.baselines import fit_baselines, left_out
 from steerlab.learning.batch_mapping import map_in_chunks
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.folds import FoldPlan, some_names
 from steerlab.learning.label_quality import LabelQuality, LabelSums
-from steerlab.learning.ladder import build_ladder, left_out
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
 from steerlab.learning.presets import PAPER, MapperConfig
 from steerlab.learning.series import LabelSeries
@@ -75,7 +75,7 @@ def cross_validate(
         config: MIND MELD's settings; small tables get more epochs.
         seed: of all that is trained or drawn.
         progress: told what is being done and which share of it is.
-        full: also judge the rungs that train a network of their own.
+        full: also judge the baselines that train a network of their own.
         most_labels: see ``MOST_TRAINING_LABELS``.
 
     Raises:
@@ -104,7 +104,7 @@ def cross_validate(
         mapper.calibrate(parts.calibrate_new)
         unlike |= {person for person in mapper.calibrated if mapper.calibration(person).outside}
         calibrated = perf_counter()
-        ladder = build_ladder(
+        baselines = fit_baselines(
             mapper,
             parts,
             seed=seed,
@@ -113,7 +113,7 @@ def cross_validate(
             paper=with_enough_steps(PAPER, valid_labels(parts.train_seen)),
         )
         built = perf_counter()
-        predictions += _score(ladder, parts, number, sums, partial(progress, f"scoring, {name}"))
+        predictions += _score(baselines, parts, number, sums, partial(progress, f"scoring, {name}"))
         seconds["fit"] += fitted - started
         seconds["calibrate"] += calibrated - fitted
         seconds["ladder"] += built - calibrated
@@ -122,7 +122,9 @@ def cross_validate(
         raise InvalidLabels("The plan has no fold; there is nothing to judge.")
     started = perf_counter()
     quality = {
-        split: {rung: pool.quality(np.random.default_rng(seed)) for rung, pool in of.items()}
+        split: {
+            baseline: pool.quality(np.random.default_rng(seed)) for baseline, pool in of.items()
+        }
         for split, of in sums.items()
     }
     seconds["score"] += perf_counter() - started
@@ -140,25 +142,25 @@ def cross_validate(
 
 
 def _score(
-    ladder: Mapping[str, LabelMapper],
+    baselines: Mapping[str, LabelMapper],
     parts: StudySplit,
     fold: int,
     sums: dict[str, dict[str, LabelSums]],
     on_share: Callable[[float], None],
 ) -> list[Prediction]:
-    """Add what the fold holds out to ``sums``, by split and rung; MIND MELD's predictions."""
+    """Add what the fold holds out to ``sums``, by split and baseline; MIND MELD's predictions."""
     predictions: list[Prediction] = []
     count = len(parts.held_out_seen) + len(parts.held_out_new)
     for split, held_out in (("seen", parts.held_out_seen), ("new", parts.held_out_new)):
-        for several, by_rung in map_in_chunks(ladder, held_out):
-            for rung, all_mapped in by_rung.items():
-                pool = sums[split].setdefault(rung, LabelSums())
+        for several, by_baseline in map_in_chunks(baselines, held_out):
+            for baseline, all_mapped in by_baseline.items():
+                pool = sums[split].setdefault(baseline, LabelSums())
                 for one, mapped in zip(several, all_mapped, strict=True):
                     valid = one.valid
                     pool.add(one.person, one.label[valid], mapped[valid], one.truth[valid])
             predictions += [
                 Prediction(series=one, split=split, fold=fold, mapped=mapped)
-                for one, mapped in zip(several, by_rung[MIND_MELD], strict=True)
+                for one, mapped in zip(several, by_baseline[MIND_MELD], strict=True)
             ]
             on_share(len(predictions) / count)
     return predictions

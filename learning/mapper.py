@@ -52,7 +52,7 @@ class MindMeldMapper:
         config: a preset (``LAB``, ``PAPER``) or one's own.
         seed: of weights, embeddings and batches.
         on_epoch: called with (epochs done, epochs) while fitting.
-        name: its key in a ladder.
+        name: its key among the baselines.
     """
 
     def __init__(

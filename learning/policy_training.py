@@ -19,7 +19,7 @@ from steerlab.sim.rollout import FloatArray
 Progress = Callable[[float], None]
 
 
-def nobody(share: float) -> None:
+def no_progress(share: float) -> None:
     """Nobody is told how far it is."""
 
 
@@ -74,7 +74,7 @@ def train_policy(
     rows: TrainingRows,
     rng: np.random.Generator,
     config: PolicyTrainingConfig,
-    progress: Progress = nobody,
+    progress: Progress = no_progress,
 ) -> float:
     """Take ``config.steps`` steps of Adam on the weighted mean squared error.
 

@@ -45,7 +45,7 @@ LAB = MapperConfig()
 PAPER = MapperConfig(
     network=NetworkConfig(embedding_size=2),
     training=TrainingConfig(
-        # The paper gives no length; 100 epochs are 6,000 steps for 34 teachers and keep the ladder
+        # The paper gives no length; 100 epochs are 6,000 steps for 34 teachers and keep the baselines
         # affordable. Not shown to have converged.
         epochs=100,
         rate=1e-3,

@@ -12,7 +12,7 @@ from steerlab.sim.geometry import Pose2D, bearing_rad
 from steerlab.sim.ground_truth import Planner, sample_starts
 from steerlab.sim.recorder import record_rollout
 from steerlab.sim.rollout import Outcome, Rollout
-from steerlab.sim.wizard import Wizard, WizardStyle
+from steerlab.sim.wizard import WizardOfOzPolicy, WizardStyle
 from steerlab.sim.world_generator import WorldConfig, generate_world
 
 CALIBRATION_SEED = 12
@@ -152,7 +152,7 @@ def _rollouts_of_a_world(
                 try:
                     rollout = record_rollout(
                         driving,
-                        Wizard(style, planner, driving.config.control_hz, wizard_rng),
+                        WizardOfOzPolicy(style, planner, driving.config.control_hz, wizard_rng),
                         planner,
                         name=f"calibration-{number * len(styles) + len(found):02d}",
                         seed=attempt,

@@ -3,7 +3,7 @@
 import numpy as np
 import pyarrow as pa
 
-from steerlab.sim.records import Gate, LabelledStep, table_from_columns
+from steerlab.sim.records import Driver, LabelledStep, table_from_columns
 from steerlab.sim.rollout import FloatArray, Rollout
 
 
@@ -31,7 +31,7 @@ def labelled_table(
             "y_m": y_m,
             "heading_rad": heading_rad,
             "speed_mps": speed,
-            "slip_mps": slip,
+            "lateral_speed_mps": slip,
             "yaw_rate_radps": yaw_rate,
             "acceleration_x_mps2": acceleration_x,
             "acceleration_y_mps2": acceleration_y,
@@ -39,7 +39,7 @@ def labelled_table(
             "teacher_label": pa.array(labels, mask=~given),
             "oracle_label": pa.array(rollout.oracle_label, mask=~rollout.oracle_valid),
             "executed_wheel": rollout.robot_wheel,  # a replay shows what the robot did
-            "gate": [str(Gate.ROBOT)] * steps,
+            "gate": [str(Driver.ROBOT)] * steps,
             "label_valid": given,
         }
     )
@@ -63,7 +63,7 @@ def labelled_step(
         y_m=y_m,
         heading_rad=heading_rad,
         speed_mps=speed,
-        slip_mps=slip,
+        lateral_speed_mps=slip,
         yaw_rate_radps=yaw_rate,
         acceleration_x_mps2=acceleration_x,
         acceleration_y_mps2=acceleration_y,
@@ -71,6 +71,6 @@ def labelled_step(
         teacher_label=label,
         oracle_label=float(rollout.oracle_label[step]) if rollout.oracle_valid[step] else None,
         executed_wheel=wheel,
-        gate=Gate.ROBOT,
+        gate=Driver.ROBOT,
         label_valid=label is not None,
     )

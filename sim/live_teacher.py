@@ -35,7 +35,7 @@ class Responding(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sitting:
+class DriveContext:
     """Which drive of a teacher's session this is; noise and drift depend on it."""
 
     name: str
@@ -55,11 +55,11 @@ class LiveTeacher:
 
     def __init__(self, teacher: Responding, style: DrivingStyle = "softened") -> None:
         self._teacher = softened(teacher) if style == "softened" else teacher
-        self._sitting: Sitting | None = None
+        self._sitting: DriveContext | None = None
         self._seen = np.empty(0)
         self._step = 0
 
-    def begin(self, sitting: Sitting) -> None:
+    def begin(self, sitting: DriveContext) -> None:
         """A new drive; nothing has been seen."""
         self._sitting = sitting
         self._seen = np.full(sitting.steps, np.nan)
@@ -110,7 +110,7 @@ def _soft(teacher: ScriptedTeacher) -> ScriptedTeacher:
     return ScriptedTeacher(teacher.name, soft, teacher.seed)
 
 
-def _only_labels(sitting: Sitting, labels: FloatArray) -> Rollout:
+def _only_labels(sitting: DriveContext, labels: FloatArray) -> Rollout:
     """A rollout of which only the labels mean anything; teachers read nothing else."""
     steps = sitting.steps
     return Rollout(

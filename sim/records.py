@@ -22,7 +22,7 @@ class InvalidRecord(SteerlabError, ValueError):
     """A step, a row, a table or a shard is not what ``LABELLED_STEP_SCHEMA`` asks for."""
 
 
-class Gate(StrEnum):
+class Driver(StrEnum):
     """Who drove the car in a step."""
 
     ROBOT = "robot"
@@ -37,7 +37,7 @@ class LabelledStep:
         participant: pseudonym of the person (or scripted teacher); never a name.
         attempt: 0 for the first try at a rollout; a redo is a new attempt, nothing is overwritten.
         t_s: time since the rollout's start.
-        speed_mps, slip_mps, yaw_rate_radps: body-frame velocity.
+        speed_mps, lateral_speed_mps, yaw_rate_radps: body-frame velocity.
         acceleration_x_mps2, acceleration_y_mps2: body-frame acceleration.
         robot_wheel: what the robot's policy asked for.
         teacher_label: the label ``a``; None when the device gave none.
@@ -55,7 +55,7 @@ class LabelledStep:
     y_m: float
     heading_rad: float
     speed_mps: float
-    slip_mps: float
+    lateral_speed_mps: float
     yaw_rate_radps: float
     acceleration_x_mps2: float
     acceleration_y_mps2: float
@@ -63,7 +63,7 @@ class LabelledStep:
     teacher_label: float | None
     oracle_label: float | None
     executed_wheel: float
-    gate: Gate
+    gate: Driver
     label_valid: bool
 
 
@@ -73,7 +73,7 @@ _FLOATS = (
     "y_m",
     "heading_rad",
     "speed_mps",
-    "slip_mps",
+    "lateral_speed_mps",
     "yaw_rate_radps",
     "acceleration_x_mps2",
     "acceleration_y_mps2",
@@ -155,7 +155,7 @@ def step_from_row(row: Mapping[str, Any]) -> LabelledStep:
     if row["label_valid"] not in (0, 1):
         raise InvalidRecord(f"label_valid is {row['label_valid']!r}; give True or False.")
     plain = row_from_step(LabelledStep(**row))
-    plain["gate"] = Gate(plain["gate"])
+    plain["gate"] = Driver(plain["gate"])
     return LabelledStep(**plain)
 
 
@@ -177,11 +177,11 @@ def check_name(what: str, name: object) -> str:
     return name
 
 
-def _gate(value: object) -> Gate:
+def _gate(value: object) -> Driver:
     try:
-        return Gate(value)
+        return Driver(value)
     except ValueError:
-        raise InvalidRecord(f"gate is {value!r}; give one of {[*Gate]}.") from None
+        raise InvalidRecord(f"gate is {value!r}; give one of {[*Driver]}.") from None
 
 
 def _count(name: str, value: Any) -> int:

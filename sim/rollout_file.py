@@ -18,7 +18,7 @@ _FORMAT = "steerlab.rollouts"
 _FORMAT_VERSION = 1
 _COLUMNS = {
     "pose": ("x_m", "y_m", "heading_rad"),
-    "velocity": ("speed_mps", "slip_mps", "yaw_rate_radps"),
+    "velocity": ("speed_mps", "lateral_speed_mps", "yaw_rate_radps"),
     "acceleration": ("acceleration_x_mps2", "acceleration_y_mps2"),
 }
 _ROLLOUT_SCHEMA = pa.schema(

@@ -49,7 +49,7 @@ class WizardStyle:
     sane_s: float = 4.0
 
 
-class Wizard:
+class WizardOfOzPolicy:
     """A policy for ``record_rollout``; all its randomness comes from ``rng``."""
 
     def __init__(

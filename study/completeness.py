@@ -2,18 +2,18 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from steerlab.study.contract import Finding, PhaseKind, PhaseState, Standing
+from steerlab.study.contract import PhaseKind, PhaseState, Standing, StudyCheck
 from steerlab.study.opened import OpenStudy
 from steerlab.study.pages import missing_answers
-from steerlab.study.progress import Progress, answers_of, finished_rollouts
+from steerlab.study.progress import ParticipantProgress, answers_of, finished_rollouts
 from steerlab.study.store.records import Attempt, AttemptStatus
 from steerlab.study.store.teaching import read_taught
 from steerlab.study.surveys.questionnaire import InvalidAnswer
 
 
 def person_findings(
-    study: OpenStudy, place: Progress, finished: Sequence[Attempt]
-) -> Iterator[Finding]:
+    study: OpenStudy, place: ParticipantProgress, finished: Sequence[Attempt]
+) -> Iterator[StudyCheck]:
     """What is missing, out of range or flagged of one participant.
 
     Who has not finished yet is a notice: a study that is under way is in order.
@@ -27,13 +27,13 @@ def person_findings(
     rollouts = finished_rollouts(study, place, finished)
     problems = list(_missing(study, place, rollouts))
     for found, mend in problems:
-        yield Finding(what=view.id, found=found, ok=False, mend=mend)
+        yield StudyCheck(what=view.id, found=found, ok=False, mend=mend)
     if unfinished := _unfinished(place):
-        yield Finding(what=view.id, found=unfinished, ok=True, notice=True)
+        yield StudyCheck(what=view.id, found=unfinished, ok=True, notice=True)
     if skipped := [phase.id for phase, state in view.phases if state is PhaseState.SKIPPED]:
         reasons = {place.acts[phase][-1].detail for phase in skipped}
         found = f"skipped {', '.join(skipped)}: {'; '.join(sorted(reasons))}"
-        yield Finding(what=view.id, found=found, ok=True, notice=True)
+        yield StudyCheck(what=view.id, found=found, ok=True, notice=True)
     flagged = [
         f"{attempt.rollout} ({', '.join(flag.name for flag in flags)})"
         for attempt in (*rollouts.values(), *_taught(study, place, finished))
@@ -42,30 +42,30 @@ def person_findings(
     if flagged:
         found = f"the computer could not keep time in {', '.join(flagged)}"
         mend = "Let them redo the rollouts, or leave these out as the protocol says."
-        yield Finding(what=view.id, found=found, ok=False, mend=mend)
+        yield StudyCheck(what=view.id, found=found, ok=False, mend=mend)
     if not (problems or unfinished or flagged):
-        yield Finding(what=view.id, found=f"{view.standing}, nothing missing", ok=True)
+        yield StudyCheck(what=view.id, found=f"{view.standing}, nothing missing", ok=True)
 
 
-def session_findings(study: OpenStudy, place: Progress) -> list[Finding]:
+def session_findings(study: OpenStudy, place: ParticipantProgress) -> list[StudyCheck]:
     """Device and timing of a participant's last session, for the console."""
     mine = [s for s in study.store.sessions().values() if s.participant == place.view.id]
     if not mine:
-        return [Finding(what="Session", found="none yet", ok=True)]
+        return [StudyCheck(what="Session", found="none yet", ok=True)]
     last = mine[-1]
     found = [
-        Finding(what="Device", found=f"{last.device_name} ({last.input_kind})", ok=True),
-        Finding(what="Force feedback", found=last.force_feedback, ok=True),
+        StudyCheck(what="Device", found=f"{last.device_name} ({last.input_kind})", ok=True),
+        StudyCheck(what="Force feedback", found=last.force_feedback, ok=True),
     ]
     kinds = sorted({session.input_kind for session in mine})
     if len(kinds) > 1:
         mend = "Redo what was done with the wrong one."
         text = f"they steered with {', '.join(kinds)}"
-        found.append(Finding(what="Device", found=text, ok=False, mend=mend))
+        found.append(StudyCheck(what="Device", found=text, ok=False, mend=mend))
     if last.screen_px is not None and last.input_latency_ms is not None:
         width, height = last.screen_px
         text = f"{width} x {height}, {last.display_hz:g} Hz, {last.input_latency_ms:.1f} ms latency"
-        found.append(Finding(what="Display", found=text, ok=True))
+        found.append(StudyCheck(what="Display", found=text, ok=True))
     attempts = [
         a
         for a in study.store.attempts(AttemptStatus.FINISHED)
@@ -77,10 +77,12 @@ def session_findings(study: OpenStudy, place: Progress) -> list[Finding]:
     if flags:
         text += f"; limits broken: {', '.join(worst)}"
     mend = "Close other programs; see docs/running-a-study.md." if flags else ""
-    return [*found, Finding(what="Timing", found=text, ok=not flags, mend=mend)]
+    return [*found, StudyCheck(what="Timing", found=text, ok=not flags, mend=mend)]
 
 
-def _taught(study: OpenStudy, place: Progress, finished: Sequence[Attempt]) -> list[Attempt]:
+def _taught(
+    study: OpenStudy, place: ParticipantProgress, finished: Sequence[Attempt]
+) -> list[Attempt]:
     """The attempts that count of those that robots were taught in."""
     keys = {
         (one.rollout, one.attempt)
@@ -95,7 +97,7 @@ def _taught(study: OpenStudy, place: Progress, finished: Sequence[Attempt]) -> l
     ]
 
 
-def _unfinished(place: Progress) -> str:
+def _unfinished(place: ParticipantProgress) -> str:
     view = place.view
     if (phase := view.next_phase) is None:
         return ""
@@ -104,7 +106,7 @@ def _unfinished(place: Progress) -> str:
 
 
 def _missing(
-    study: OpenStudy, place: Progress, rollouts: Mapping[str, Attempt]
+    study: OpenStudy, place: ParticipantProgress, rollouts: Mapping[str, Attempt]
 ) -> Iterator[tuple[str, str]]:
     """In phases that are marked as done, nothing may be missing."""
     mend = "Open the phase again with study redo."

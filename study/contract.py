@@ -110,7 +110,7 @@ class ParticipantView:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Finding:
+class StudyCheck:
     """One line of a check.
 
     Attributes:
@@ -228,7 +228,7 @@ class StudyAccess(Protocol):
         """Let a participant leave; erasing takes everything but a tombstone with it."""
         ...
 
-    def findings(self, participant: str | None) -> Sequence[Finding]:
+    def findings(self, participant: str | None) -> Sequence[StudyCheck]:
         """How it stands with the device and the timing of a participant's last session.
 
         With None: with the whole study, its integrity and its completeness.

@@ -6,8 +6,13 @@ from pathlib import Path
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.rollout import Rollout
+from steerlab.study.calibration_session import (
+    CalibrationSession,
+    Corrected,
+    Progress,
+    SittingConfig,
+)
 from steerlab.study.recording.session_recorder import STUDY_FILE
-from steerlab.study.sitting import Corrected, Progress, Sitting, SittingConfig
 from steerlab.study.store.records import AttemptStatus
 from steerlab.study.store.store import StudyStore
 from steerlab.teleop.screen.config import ScreenConfig
@@ -58,7 +63,7 @@ def correct(folder: Path, device_spec: str, config: CorrectConfig, progress: Pro
             f"rollouts is {config.rollouts}; the calibration set has {len(rollouts)}."
         )
     rollouts = rollouts[: config.rollouts]
-    sitting = Sitting(
+    sitting = CalibrationSession(
         folder=folder,
         participant=config.participant,
         role=config.role,

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import pyarrow as pa
 
 from steerlab.learning.series import LabelSeries, series_from_table
-from steerlab.sim.files.whole_file import put, whole_file
+from steerlab.sim.files.whole_file import rename_durably, whole_file
 from steerlab.study.contract import PhaseKind, PhaseState, Role, Standing, StudyError
 from steerlab.study.frozen_files import MODELS
 from steerlab.study.opened import OpenStudy
-from steerlab.study.progress import Progress, everybody, finished_rollouts, progress_of
+from steerlab.study.progress import ParticipantProgress, everybody, finished_rollouts, progress_of
 from steerlab.study.store.frozen import (
     FrozenModel,
     StoredEmbedding,
@@ -36,9 +36,9 @@ def frozen_model(study: OpenStudy) -> FrozenModel | None:
     return in_use[-1] if in_use else None
 
 
-def training_people(study: OpenStudy) -> list[Progress]:
+def training_people(study: OpenStudy) -> list[ParticipantProgress]:
     """Training participants who finished, or who left their data after they had calibrated."""
-    found: list[Progress] = []
+    found: list[ParticipantProgress] = []
     for place in everybody(study):
         phase = place.of_kind(PhaseKind.CALIBRATION)
         if (
@@ -91,7 +91,7 @@ def train(study: OpenStudy, progress: ProgressBar) -> FrozenModel:
     save_mapper(mapper, part)
     digest = sha256(part.read_bytes()).hexdigest()
     file = f"{MODELS}/mind_meld-{digest[:12]}.safetensors"
-    put(part, study.folder / file)
+    rename_durably(part, study.folder / file)
     with study.store.connection.transaction("freeze the network", durable=True):
         insert_model(study.store.connection, file=file, sha256=digest, people=names, inputs=inputs)
     frozen = frozen_model(study)
@@ -205,7 +205,7 @@ def _find_anew(study: OpenStudy, model: FrozenModel, progress: ProgressBar) -> i
     return found
 
 
-def _series(study: OpenStudy, place: Progress) -> list[LabelSeries]:
+def _series(study: OpenStudy, place: ParticipantProgress) -> list[LabelSeries]:
     """A participant's labels of the attempts that count."""
     attempts = finished_rollouts(study, place)
     tables = [study.store.steps(attempts[name]) for name in sorted(attempts)]

@@ -5,8 +5,9 @@ from hashlib import sha256
 
 from steerlab.study.contract import Phase, PhaseKind, PhaseState, Standing, StudyError
 from steerlab.study.opened import OpenStudy
+from steerlab.study.phases import PAGES
 from steerlab.study.plans import ConsentText
-from steerlab.study.progress import Progress, answers_of, progress_of
+from steerlab.study.progress import ParticipantProgress, answers_of, progress_of
 from steerlab.study.store.answers import Value, insert_response
 from steerlab.study.store.people import (
     PhaseAct,
@@ -16,7 +17,6 @@ from steerlab.study.store.people import (
     read_consents,
 )
 from steerlab.study.surveys.questionnaire import UnknownItem
-from steerlab.study.way import PAGES
 
 
 def consent_sha256(text: ConsentText) -> str:
@@ -145,7 +145,9 @@ def submit(study: OpenStudy, participant: str, phase: str) -> Mapping[str, Seque
     return {}
 
 
-def missing_answers(study: OpenStudy, place: Progress, phase: str) -> dict[str, list[str]]:
+def missing_answers(
+    study: OpenStudy, place: ParticipantProgress, phase: str
+) -> dict[str, list[str]]:
     """Required items of a phase without an answer, by questionnaire."""
     given = answers_of(study, place, phase)
     found = {
@@ -155,7 +157,7 @@ def missing_answers(study: OpenStudy, place: Progress, phase: str) -> dict[str, 
     return {key: items for key, items in found.items() if items}
 
 
-def _next(place: Progress, phase: str | None) -> Phase:
+def _next(place: ParticipantProgress, phase: str | None) -> Phase:
     """The phase the participant is at, which must be ``phase`` unless that is None."""
     view = place.view
     at = view.next_phase

@@ -14,6 +14,7 @@ from steerlab.study.contract import (
     StudyError,
 )
 from steerlab.study.opened import OpenStudy
+from steerlab.study.phases import phases_for
 from steerlab.study.protocol import StudyProtocol
 from steerlab.study.store.answers import Response, Value, read_responses
 from steerlab.study.store.people import (
@@ -28,7 +29,6 @@ from steerlab.study.store.people import (
 )
 from steerlab.study.store.records import Attempt, AttemptStatus
 from steerlab.study.store.teaching import read_taught
-from steerlab.study.way import way_of
 
 _STATES = {
     PhaseAct.STARTED: PhaseState.STARTED,
@@ -39,7 +39,7 @@ _STATES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Progress:
+class ParticipantProgress:
     """A participant's place, and what belongs to it.
 
     Attributes:
@@ -80,7 +80,7 @@ class Progress:
         return reopened[-1].first_attempt if reopened else 0
 
 
-def progress_of(study: OpenStudy, participant: str) -> Progress:
+def progress_of(study: OpenStudy, participant: str) -> ParticipantProgress:
     """A participant's place.
 
     Raises:
@@ -94,14 +94,14 @@ def progress_of(study: OpenStudy, participant: str) -> Progress:
     raise StudyError(f"{participant!r} is not enrolled; enrolled are: {known}.")
 
 
-def everybody(study: OpenStudy) -> list[Progress]:
+def everybody(study: OpenStudy) -> list[ParticipantProgress]:
     """Everyone's place, in the order in which they were enrolled."""
     records = _Records(study)
     return [_progress(records, one) for one in read_enrolments(study.store.connection)]
 
 
 def finished_rollouts(
-    study: OpenStudy, place: Progress, attempts: Sequence[Attempt] | None = None
+    study: OpenStudy, place: ParticipantProgress, attempts: Sequence[Attempt] | None = None
 ) -> dict[str, Attempt]:
     """The attempt that counts at each calibration rollout that the participant finished.
 
@@ -123,7 +123,9 @@ def finished_rollouts(
     }
 
 
-def answers_of(study: OpenStudy, place: Progress, phase: str) -> dict[str, dict[str, Value]]:
+def answers_of(
+    study: OpenStudy, place: ParticipantProgress, phase: str
+) -> dict[str, dict[str, Value]]:
     """What counts of the answers in a phase, by questionnaire and item."""
     found: dict[str, dict[str, Response]] = {}
     for one in read_responses(study.store.connection, place.view.id, phase):
@@ -162,7 +164,7 @@ class _Records:
         return self.study.store.attempts(AttemptStatus.FINISHED)
 
 
-def _progress(records: _Records, enrolment: Enrolment) -> Progress:
+def _progress(records: _Records, enrolment: Enrolment) -> ParticipantProgress:
     protocol = records.study.protocol_of(enrolment.protocol_version)
     role, participant = Role(enrolment.role), enrolment.participant
     acts: dict[str, list[PhaseEvent]] = {}
@@ -170,9 +172,9 @@ def _progress(records: _Records, enrolment: Enrolment) -> Progress:
         acts.setdefault(act.phase, []).append(act)
     phases = tuple(
         (phase, _STATES[acts[phase.id][-1].act] if phase.id in acts else PhaseState.WAITING)
-        for phase in way_of(protocol, role, enrolment.order)
+        for phase in phases_for(protocol, role, enrolment.order)
     )
-    place = Progress(
+    place = ParticipantProgress(
         view=ParticipantView(
             id=participant,
             role=role,
@@ -207,7 +209,7 @@ def _standing(records: _Records, participant: str, states: list[PhaseState]) -> 
     return Standing.RUNNING
 
 
-def _words(records: _Records, place: Progress) -> str:
+def _words(records: _Records, place: ParticipantProgress) -> str:
     """How far the phase got that is under way."""
     study, phase = records.study, place.view.next_phase
     if phase is None or place.state(phase.id) is not PhaseState.STARTED:

@@ -15,7 +15,7 @@ from steerlab.study.plans import (
 from steerlab.study.protocol_error import ProtocolError, check_words
 from steerlab.study.teaching.conditions import TAUGHT
 from steerlab.study.teaching.plan import TeachPlan
-from steerlab.teleop.gates import GateConfig
+from steerlab.teleop.timing_limits import GateConfig
 
 _KEY = re.compile(r"[a-z][a-z0-9_-]{0,31}")
 KEY_WORDS = "lower-case letters, digits, - and _, starting with a letter, 32 at most"

@@ -36,7 +36,7 @@ from steerlab.study.toml_records import (
     records_at,
     value_of,
 )
-from steerlab.teleop.gates import GateConfig
+from steerlab.teleop.timing_limits import GateConfig
 
 PROTOCOL_FILE, QUESTIONNAIRES = "study.toml", "questionnaires"
 FORMAT = 1

@@ -6,14 +6,14 @@ from typing import Protocol
 
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.files.folder_lock import RUN_LOCK, FolderLock, locked
+from steerlab.study.calibration_session import CalibrationSession, SittingConfig, practise
 from steerlab.study.contract import Phase, PhaseKind, PhaseState, StudyError
 from steerlab.study.opened import OpenStudy
-from steerlab.study.progress import Progress, finished_rollouts, progress_of
+from steerlab.study.phases import PAGES
+from steerlab.study.progress import ParticipantProgress, finished_rollouts, progress_of
 from steerlab.study.scripted_practice import practise_scripted
-from steerlab.study.sitting import Sitting, SittingConfig, practise
 from steerlab.study.store.people import PhaseAct, insert_phase_event
 from steerlab.study.teaching.request import UNAVAILABLE, Teachings, TeachRequest
-from steerlab.study.way import PAGES
 from steerlab.teleop.devices.contract import Device, InputKind
 from steerlab.teleop.practice import PracticeConfig
 from steerlab.teleop.session import SessionConfig, SessionEnd
@@ -24,7 +24,7 @@ ProgressBar = Callable[[str, float], None]
 class PageFiller(Protocol):
     """Does a participant's pages: a scripted participant has one, people have the browser."""
 
-    def fill(self, study: OpenStudy, place: Progress, phase: Phase) -> None:
+    def fill(self, study: OpenStudy, place: ParticipantProgress, phase: Phase) -> None:
         """Finish the page."""
         ...
 
@@ -100,7 +100,7 @@ class _Phase:
     """One phase of one participant."""
 
     study: OpenStudy
-    place: Progress
+    place: ParticipantProgress
     phase: Phase
     config: RunConfig
     lock: FolderLock
@@ -149,7 +149,7 @@ class _Phase:
         protocol, view = self.place.protocol, self.place.view
         finished = finished_rollouts(self.study, self.place)
         by_name = {rollout.name: rollout for rollout in load_calibration_set()}
-        sitting = Sitting(
+        sitting = CalibrationSession(
             folder=self.study.folder,
             participant=view.id,
             role=view.role.value,

@@ -11,7 +11,7 @@ from steerlab.study.contract import Phase, PhaseKind, StudyError
 from steerlab.study.opened import OpenStudy
 from steerlab.study.pages import consent, save_answer, submit
 from steerlab.study.planted_effects import PlantedEffect, check_effects
-from steerlab.study.progress import Progress
+from steerlab.study.progress import ParticipantProgress
 from steerlab.study.scripted_answers import AnswerModel, ScriptedRespondent
 from steerlab.study.store.teaching import read_taught
 from steerlab.teleop.devices.scripted import ScriptedDevice
@@ -65,7 +65,7 @@ class ScriptedParticipant:
         """Steers as the teacher labels."""
         return ScriptedDevice(self.teacher)
 
-    def fill(self, study: OpenStudy, place: Progress, phase: Phase) -> None:
+    def fill(self, study: OpenStudy, place: ParticipantProgress, phase: Phase) -> None:
         """Do a page, answer by answer, as the console does.
 
         Raises:
@@ -93,7 +93,7 @@ class ScriptedParticipant:
             raise StudyError(f"No script answers {dict(missing)} of {phase.id!r}.")
 
 
-def _success(study: OpenStudy, place: Progress, phase: Phase) -> float | None:
+def _success(study: OpenStudy, place: ParticipantProgress, phase: Phase) -> float | None:
     """Share of the drives they watched that reached the ball; None if ``phase`` is about none."""
     outcomes = [
         taught.outcome

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Self
 
 from steerlab.sim.files.folder_lock import RUN_LOCK, locked
 from steerlab.study.completeness import session_findings
-from steerlab.study.contract import Finding, ParticipantView, Role, StudyError
+from steerlab.study.contract import ParticipantView, Role, StudyCheck, StudyError
 from steerlab.study.enrolment import amend, enrol
 from steerlab.study.links import new_link, participant_of
 from steerlab.study.notes import keep_note
 from steerlab.study.opened import OpenStudy
 from steerlab.study.pages import consent, consent_text, save_answer, submit
-from steerlab.study.places import Places
 from steerlab.study.progress import answers_of
+from steerlab.study.progress_cache import ProgressCache
 from steerlab.study.redo import redo
 from steerlab.study.store.answers import Value, read_notes
 from steerlab.study.surveys.questionnaire import Questionnaire
@@ -34,7 +34,7 @@ class Study:
 
     def __init__(self, opened: OpenStudy) -> None:
         self._opened = opened
-        self._places = Places(opened)
+        self._places = ProgressCache(opened)
 
     @classmethod
     def open(cls, folder: Path, *, read_only: bool = False) -> Self:
@@ -206,7 +206,7 @@ class Study:
 
         withdraw(self._opened, participant, erase=erase, progress=progress)
 
-    def findings(self, participant: str | None) -> Sequence[Finding]:
+    def findings(self, participant: str | None) -> Sequence[StudyCheck]:
         """Device and timing of a participant's last session; with None, ``verify``'s findings."""
         if participant is not None:
             return session_findings(self._opened, self._places.of(participant))

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from steerlab.sim.errors import SteerlabError
 from steerlab.study.completeness import person_findings
-from steerlab.study.contract import Finding, Role
+from steerlab.study.contract import Role, StudyCheck
 from steerlab.study.frozen_files import model_findings
 from steerlab.study.opened import OpenStudy
 from steerlab.study.orders import order_at
@@ -34,7 +34,7 @@ PLACEHOLDER = "TO BE REPLACED"
 class Verified:
     """What was found, and the audit's newest hash: kept elsewhere, it shows a rewritten audit."""
 
-    findings: tuple[Finding, ...]
+    findings: tuple[StudyCheck, ...]
     head: str
 
     @property
@@ -69,7 +69,7 @@ def verify(study: OpenStudy, *, expected_head: str | None = None) -> Verified:
     return Verified(findings=tuple(found), head=entries[-1].sha256 or "" if entries else "")
 
 
-def _database(study: OpenStudy) -> tuple[Finding, bool]:
+def _database(study: OpenStudy) -> tuple[StudyCheck, bool]:
     """What SQLite finds, and whether the rest can be read."""
     connection = study.store.connection
     try:
@@ -79,29 +79,29 @@ def _database(study: OpenStudy) -> tuple[Finding, bool]:
         found, dangling = str(error), []
     mend = "Restore the study folder from its last copy."
     if found != "ok":
-        return Finding(what="Database", found=found, ok=False, mend=mend), False
+        return StudyCheck(what="Database", found=found, ok=False, mend=mend), False
     if dangling:
         found = f"{len(dangling)} rows refer to others that are not there"
-        return Finding(what="Database", found=found, ok=False, mend=mend), True
-    return Finding(what="Database", found="whole", ok=True), True
+        return StudyCheck(what="Database", found=found, ok=False, mend=mend), True
+    return StudyCheck(what="Database", found="whole", ok=True), True
 
 
-def _audit(entries: Sequence[SealedEntry], expected: str | None) -> Iterator[Finding]:
+def _audit(entries: Sequence[SealedEntry], expected: str | None) -> Iterator[StudyCheck]:
     mend = "Somebody changed the database outside steerlab; compare it with the last copy."
     broken = broken_at(list(entries))
     if broken is not None:
         found = f"entry {broken.id} ({broken.act}, {broken.at_utc}) breaks the chain"
-        yield Finding(what="Audit", found=found, ok=False, mend=mend)
+        yield StudyCheck(what="Audit", found=found, ok=False, mend=mend)
     elif any(after.id != before.id + 1 for before, after in pairwise(entries)):
-        yield Finding(what="Audit", found="entries are missing", ok=False, mend=mend)
+        yield StudyCheck(what="Audit", found="entries are missing", ok=False, mend=mend)
     else:
-        yield Finding(what="Audit", found=f"{len(entries)} entries, unbroken", ok=True)
+        yield StudyCheck(what="Audit", found=f"{len(entries)} entries, unbroken", ok=True)
     if expected is not None and expected not in [entry.sha256 for entry in entries]:
         found = f"no entry has the hash {expected}"
-        yield Finding(what="Audit", found=found, ok=False, mend=mend)
+        yield StudyCheck(what="Audit", found=found, ok=False, mend=mend)
 
 
-def _answers(study: OpenStudy, entries: Sequence[SealedEntry]) -> Iterator[Finding]:
+def _answers(study: OpenStudy, entries: Sequence[SealedEntry]) -> Iterator[StudyCheck]:
     """Every answer is the one that the audit sealed, and none that should be there is gone."""
     seals = {
         int(entry.detail.split()[1]): entry.detail for entry in entries if entry.act == ANSWERED
@@ -115,35 +115,35 @@ def _answers(study: OpenStudy, entries: Sequence[SealedEntry]) -> Iterator[Findi
     mend = "Somebody changed the database outside steerlab; compare it with the last copy."
     if changed:
         found = f"{len(changed)} differ from what the audit sealed, the first is row {changed[0]}"
-        yield Finding(what="Answers", found=found, ok=False, mend=mend)
+        yield StudyCheck(what="Answers", found=found, ok=False, mend=mend)
     elif gone and not erased:
-        yield Finding(what="Answers", found=f"{gone} are gone", ok=False, mend=mend)
+        yield StudyCheck(what="Answers", found=f"{gone} are gone", ok=False, mend=mend)
     else:
-        yield Finding(what="Answers", found=f"{len(responses)} as they were given", ok=True)
+        yield StudyCheck(what="Answers", found=f"{len(responses)} as they were given", ok=True)
 
 
-def _protocol(study: OpenStudy) -> Iterator[Finding]:
+def _protocol(study: OpenStudy) -> Iterator[StudyCheck]:
     versions = study.versions()
     for one in versions:
         if protocol_sha256(one.text) != one.sha256:
             found = f"version {one.version} is not what its hash says"
             mend = "Compare the database with its last copy."
-            yield Finding(what="Protocol", found=found, ok=False, mend=mend)
+            yield StudyCheck(what="Protocol", found=found, ok=False, mend=mend)
     try:
         study.check_unchanged()
     except SteerlabError as error:
         mend = "Put the file back, or record the change with study amend."
-        yield Finding(what="Protocol", found=str(error), ok=False, mend=mend)
+        yield StudyCheck(what="Protocol", found=str(error), ok=False, mend=mend)
     else:
         found = f"version {versions[-1].version}, as frozen" if versions else "not frozen yet"
-        yield Finding(what="Protocol", found=found, ok=True)
+        yield StudyCheck(what="Protocol", found=found, ok=True)
         if any(PLACEHOLDER in paragraph for paragraph in study.current().consent.text):
             found = f"the consent text is still the template's: it says {PLACEHOLDER}"
             mend = "Put in the text that your ethics committee approved, with the next version."
-            yield Finding(what="Consent", found=found, ok=True, mend=mend, notice=True)
+            yield StudyCheck(what="Consent", found=found, ok=True, mend=mend, notice=True)
 
 
-def _orders(study: OpenStudy) -> Iterator[Finding]:
+def _orders(study: OpenStudy) -> Iterator[StudyCheck]:
     """Every order is the one that the seed gives at that place."""
     places: Counter[str] = Counter()
     wrong: list[str] = []
@@ -159,12 +159,12 @@ def _orders(study: OpenStudy) -> Iterator[Finding]:
     if wrong:
         found = f"{', '.join(wrong)} have another order than the protocol's seed gives"
         mend = "Compare the database with its last copy."
-        yield Finding(what="Condition orders", found=found, ok=False, mend=mend)
+        yield StudyCheck(what="Condition orders", found=found, ok=False, mend=mend)
     elif places:
-        yield Finding(what="Condition orders", found="as the seed gives them", ok=True)
+        yield StudyCheck(what="Condition orders", found="as the seed gives them", ok=True)
 
 
-def _clock(study: OpenStudy, entries: Sequence[SealedEntry]) -> Iterator[Finding]:
+def _clock(study: OpenStudy, entries: Sequence[SealedEntry]) -> Iterator[StudyCheck]:
     """Times only grow in what is only appended to."""
     acts = read_phase_events(study.store.connection)
     answers = read_responses(study.store.connection)
@@ -177,18 +177,18 @@ def _clock(study: OpenStudy, entries: Sequence[SealedEntry]) -> Iterator[Finding
             if after < before:
                 found = f"in {what}, {after} was written after {before}"
                 mend = "The computer's clock was set back; note when, and switch on time service."
-                yield Finding(what="Clock", found=found, ok=False, mend=mend)
+                yield StudyCheck(what="Clock", found=found, ok=False, mend=mend)
                 return
-    yield Finding(what="Clock", found="never ran backwards", ok=True)
+    yield StudyCheck(what="Clock", found="never ran backwards", ok=True)
 
 
-def _people(study: OpenStudy) -> Iterator[Finding]:
+def _people(study: OpenStudy) -> Iterator[StudyCheck]:
     finished = study.store.attempts(AttemptStatus.FINISHED)
     for place in everybody(study):
         yield from person_findings(study, place, finished)
 
 
-def _inputs(study: OpenStudy) -> Iterator[Finding]:
+def _inputs(study: OpenStudy) -> Iterator[StudyCheck]:
     """Labels of different devices are not pooled unseen."""
     roles = study.store.participants()
     for role in Role:
@@ -202,23 +202,23 @@ def _inputs(study: OpenStudy) -> Iterator[Finding]:
         if len(kinds) > 1:
             found = f"{role} participants steered with {', '.join(kinds)}"
             mend = "Analyse them apart, or leave those out that the protocol did not mean."
-            yield Finding(what="Devices", found=found, ok=False, mend=mend)
+            yield StudyCheck(what="Devices", found=found, ok=False, mend=mend)
 
 
-def _left_behind(study: OpenStudy) -> Iterator[Finding]:
+def _left_behind(study: OpenStudy) -> Iterator[StudyCheck]:
     for participant, how in read_departures(study.store.connection).items():
         left = [] if how is Departure.KEPT else traces(study.folder, participant)
         if how is Departure.ERASING or left:
             found = f"the erasure of {participant} is not finished"
             mend = f"Say again: steerlab study withdraw {study.folder} {participant} --erase"
-            yield Finding(what="Withdrawal", found=found, ok=False, mend=mend)
+            yield StudyCheck(what="Withdrawal", found=found, ok=False, mend=mend)
         if how is Departure.ERASED and (others := [path.name for path in strangers(study.folder)]):
             found = f"{', '.join(others)}: not steerlab's; may hold data of {participant}, erased"
             mend = "Look, and delete what holds any."
-            yield Finding(what="Withdrawal", found=found, ok=True, mend=mend, notice=True)
+            yield StudyCheck(what="Withdrawal", found=found, ok=True, mend=mend, notice=True)
     if running := study.store.attempts(AttemptStatus.RUNNING):
         found = f"{len(running)} were cut off, or are under way; they are redone on resuming"
-        yield Finding(what="Attempts", found=found, ok=True, notice=True)
+        yield StudyCheck(what="Attempts", found=found, ok=True, notice=True)
     missing = [
         attempt
         for attempt in study.store.attempts(AttemptStatus.FINISHED)
@@ -226,7 +226,7 @@ def _left_behind(study: OpenStudy) -> Iterator[Finding]:
     ]
     if missing:
         found = f"{len(missing)} attempts have none; steerlab replay makes them from the database"
-        yield Finding(what="Recordings", found=found, ok=True, notice=True)
+        yield StudyCheck(what="Recordings", found=found, ok=True, notice=True)
 
 
 def _recorded(study: OpenStudy, participant: str, rollout: str, attempt: int) -> bool:

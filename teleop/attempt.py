@@ -5,17 +5,17 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from steerlab.sim.errors import SteerlabError
-from steerlab.sim.records import Gate, LabelledStep
+from steerlab.sim.records import Driver, LabelledStep
 from steerlab.sim.vehicle import CarConfig
 from steerlab.teleop.devices.contract import Device
 from steerlab.teleop.drives.contract import Drive
-from steerlab.teleop.gates import FailedGate, GateConfig, LoopHealth, failed_gates
 from steerlab.teleop.loop import DriveEnd, run_drive
 from steerlab.teleop.pacing import WallClock, no_garbage_collection
+from steerlab.teleop.page_prompt import PagePrompt
 from steerlab.teleop.pages import error_page, pause_page
 from steerlab.teleop.screen.contract import DriveView, Page, Screen
-from steerlab.teleop.stage import Stage
 from steerlab.teleop.timing import StepTiming
+from steerlab.teleop.timing_limits import GateConfig, LoopHealth, TimingViolation, failed_gates
 from steerlab.teleop.watch import PersonWatch
 
 
@@ -37,7 +37,7 @@ class AttemptRecord(Protocol):
         """Keep that something happened."""
         ...
 
-    def finish(self, failed: Sequence[FailedGate]) -> None:
+    def finish(self, failed: Sequence[TimingViolation]) -> None:
         """All steps are there; durable when this returns."""
         ...
 
@@ -60,7 +60,7 @@ class Attempted:
 
     end: DriveEnd
     attempt: int
-    failed: Sequence[FailedGate] = ()
+    failed: Sequence[TimingViolation] = ()
     health: LoopHealth | None = None
 
 
@@ -94,14 +94,14 @@ class Attempts:
                 count=count,
                 needle=sample.wheel if sample.ok else None,
                 agent_needle=moment.wheel if agent else None,
-                teacher_drives=moment.gate is Gate.TEACHER,
+                teacher_drives=moment.gate is Driver.TEACHER,
                 device=self.device.info.name,
                 device_ok=sample.ok,
                 instruction=instruction,
             )
         )
 
-    def pause(self, why: DriveEnd, stage: Stage) -> bool:
+    def pause(self, why: DriveEnd, stage: PagePrompt) -> bool:
         """Say why a drive was cut off, until the person goes on; False to stop."""
 
         def page() -> Page:

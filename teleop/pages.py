@@ -5,9 +5,9 @@ from math import ceil
 
 from steerlab.sim.rollout import Outcome
 from steerlab.teleop.devices.contract import DeviceSample
-from steerlab.teleop.gates import FailedGate
 from steerlab.teleop.loop import DriveEnd
 from steerlab.teleop.screen.contract import Page
+from steerlab.teleop.timing_limits import TimingViolation
 
 CENTRED = 0.15  # wheel units: 6 % of the way to full lock
 _GO_ON = ("Space", "go on")
@@ -81,7 +81,7 @@ def pause_page(why: DriveEnd, sample: DeviceSample, device: str, *, focused: boo
 
 
 def drive_done_page(
-    outcome: Outcome, failed: Sequence[FailedGate], number: int, count: int
+    outcome: Outcome, failed: Sequence[TimingViolation], number: int, count: int
 ) -> Page:
     """Between two drives; says so if the computer could not keep time."""
     lines = [_OUTCOMES[outcome]]

@@ -18,9 +18,9 @@ from steerlab.teleop.drives.live import LiveDrive
 from steerlab.teleop.drives.who_drives import PersonDrives
 from steerlab.teleop.loop import DriveEnd, run_drive
 from steerlab.teleop.pacing import PacingConfig, WallClock, no_garbage_collection
+from steerlab.teleop.page_prompt import PagePrompt
 from steerlab.teleop.pages import pause_page, pedals_page, practice_done_page, practice_page
 from steerlab.teleop.screen.contract import Act, DriveView, Page, Screen
-from steerlab.teleop.stage import Stage
 from steerlab.teleop.timing import StepTiming
 from steerlab.teleop.watch import PersonWatch
 
@@ -85,7 +85,7 @@ class Practice:
         self._now_ns = now_ns
         self._clock = WallClock(pacing or PacingConfig(), poll, now_ns=now_ns, sleep_s=sleep_s)
         self._watch = PersonWatch(screen)
-        self._stage = Stage(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
+        self._stage = PagePrompt(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
         self._balls = self._crashes = 0
 
     def run(self) -> PracticeResult:

@@ -9,15 +9,15 @@ from steerlab.sim.errors import InvalidConfig
 from steerlab.teleop.attempt import Attempts, Recorder
 from steerlab.teleop.devices.contract import Device
 from steerlab.teleop.drives.contract import Drive
-from steerlab.teleop.gates import GateConfig, LoopHealth
 from steerlab.teleop.loop import DriveEnd
 from steerlab.teleop.pacing import PacingConfig, WallClock
+from steerlab.teleop.page_prompt import PagePrompt
 from steerlab.teleop.pages import (
     drive_done_page,
     session_done_page,
 )
 from steerlab.teleop.screen.contract import Act, Screen
-from steerlab.teleop.stage import Stage
+from steerlab.teleop.timing_limits import GateConfig, LoopHealth
 from steerlab.teleop.watch import PersonWatch
 
 
@@ -47,7 +47,7 @@ class SessionEnd(StrEnum):
     STOPPED = "stopped; it goes on from here next time"
 
 
-class Session:
+class DriveSession:
     """Shows drives on ``screen`` and records what the person at ``device`` does.
 
     Args:
@@ -81,7 +81,7 @@ class Session:
         self.done = done
         self._clock = WallClock(self._config.pacing, poll, now_ns=now_ns, sleep_s=sleep_s)
         self._watch = PersonWatch(screen)
-        self._stage = Stage(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
+        self._stage = PagePrompt(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
         self._attempts = Attempts(
             screen=screen,
             device=device,

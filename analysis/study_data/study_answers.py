@@ -5,14 +5,14 @@ from collections.abc import Iterator, Mapping
 from steerlab.analysis.study_data.records import ConditionValue
 from steerlab.study.contract import Phase, PhaseKind, PhaseState
 from steerlab.study.opened import OpenStudy
-from steerlab.study.progress import Progress, answers_of
+from steerlab.study.progress import ParticipantProgress, answers_of
 from steerlab.study.store.answers import Value
 from steerlab.study.surveys.answer_format import InvalidAnswer
 from steerlab.study.surveys.scoring import score
 
 
 def answers_about_themselves(
-    study: OpenStudy, place: Progress, notices: list[str]
+    study: OpenStudy, place: ParticipantProgress, notices: list[str]
 ) -> dict[str, dict[str, Value]]:
     """By questionnaire and item, of all that are not about a condition.
 
@@ -31,7 +31,7 @@ def answers_about_themselves(
 
 
 def scores_after_conditions(
-    study: OpenStudy, place: Progress, notices: list[str]
+    study: OpenStudy, place: ParticipantProgress, notices: list[str]
 ) -> list[ConditionValue]:
     """Scores of the questionnaires that followed each condition."""
     found: list[ConditionValue] = []
@@ -55,7 +55,7 @@ def scores_after_conditions(
     return found
 
 
-def _pages(place: Progress) -> Iterator[tuple[Phase, bool]]:
+def _pages(place: ParticipantProgress) -> Iterator[tuple[Phase, bool]]:
     """Pages of questionnaires, and whether each is finished."""
     for phase, state in place.view.phases:
         if phase.kind is PhaseKind.QUESTIONNAIRES:
@@ -64,7 +64,7 @@ def _pages(place: Progress) -> Iterator[tuple[Phase, bool]]:
 
 def _allowed(
     study: OpenStudy,
-    place: Progress,
+    place: ParticipantProgress,
     key: str,
     given: Mapping[str, Value],
     notices: list[str],

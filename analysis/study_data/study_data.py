@@ -24,7 +24,7 @@ from steerlab.sim.errors import InvalidConfig, SteerlabError
 from steerlab.study.contract import Standing
 from steerlab.study.opened import OpenStudy
 from steerlab.study.progress import (
-    Progress as Place,
+    ParticipantProgress as Place,
 )
 from steerlab.study.progress import (
     everybody,

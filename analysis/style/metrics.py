@@ -38,7 +38,7 @@ class Amplitude:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Timing:
+class TimingMetrics:
     """When labels come: positive is delayed, negative is anticipatory.
 
     Attributes:
@@ -97,7 +97,7 @@ def amplitude(
 
 def timing(
     step: IntArray, warping: Warping, *, rate_hz: float, latency_s: float | None = None
-) -> Timing:
+) -> TimingMetrics:
     """Lags along the path.
 
     A path counts whole steps, so the vote takes off the latency's nearest whole number of them:
@@ -119,7 +119,7 @@ def timing(
     late, early = int((whole > 0).sum()), int((whole < 0).sum())
     vote = (late > early) - (late < early)
     lag_steps = float(lag.mean()) - latency_steps
-    return Timing(
+    return TimingMetrics(
         lag_steps=lag_steps,
         lag_s=lag_steps / rate_hz,
         median_lag_s=(float(np.median(lag)) - latency_steps) / rate_hz,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from steerlab.analysis.statistics.outcome import NotComputable
-from steerlab.analysis.style.metrics import Amplitude, Timing, ZeroTruth
+from steerlab.analysis.style.metrics import Amplitude, TimingMetrics, ZeroTruth
 from steerlab.analysis.style.rollout_style import RolloutStyle, rollout_style
 from steerlab.analysis.style.warping import WarpingMethod
 from steerlab.learning.series import LabelSeries
@@ -70,8 +70,8 @@ def person_style(
     )
     sizes = [one.amplitude for one in rollouts if isinstance(one.amplitude, Amplitude)]
     plain = [(one.timing, at) for one, at in zip(rollouts, series, strict=True)]
-    lags = [(one, at.rate_hz) for one, at in plain if isinstance(one, Timing)]
-    scaled = [one.timing_scaled for one in rollouts if isinstance(one.timing_scaled, Timing)]
+    lags = [(one, at.rate_hz) for one, at in plain if isinstance(one, TimingMetrics)]
+    scaled = [one.timing_scaled for one in rollouts if isinstance(one.timing_scaled, TimingMetrics)]
     no_size = NotComputable(reason=_why([one.amplitude for one in rollouts]))
     no_lag = NotComputable(reason=_why([one.timing_scaled for one in rollouts]))
     late, early = sum(one.late for one, _ in lags), sum(one.early for one, _ in lags)

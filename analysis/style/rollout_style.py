@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from steerlab.analysis.statistics.outcome import NotComputable, flat, too_few
-from steerlab.analysis.style.metrics import Amplitude, Timing, ZeroTruth, amplitude, timing
+from steerlab.analysis.style.metrics import Amplitude, TimingMetrics, ZeroTruth, amplitude, timing
 from steerlab.analysis.style.warping import WarpingMethod, warp
 from steerlab.learning.series import LabelSeries
 from steerlab.sim.rollout import FloatArray
@@ -34,8 +34,8 @@ class RolloutStyle:
     steps: int
     distance: float | NotComputable
     amplitude: Amplitude | NotComputable
-    timing: Timing | NotComputable
-    timing_scaled: Timing | NotComputable
+    timing: TimingMetrics | NotComputable
+    timing_scaled: TimingMetrics | NotComputable
 
 
 def rollout_style(
@@ -83,8 +83,8 @@ def _result(
     steps: int,
     distance: float | NotComputable,
     found: Amplitude | NotComputable,
-    plain: Timing | NotComputable,
-    scaled: Timing | NotComputable,
+    plain: TimingMetrics | NotComputable,
+    scaled: TimingMetrics | NotComputable,
 ) -> RolloutStyle:
     return RolloutStyle(
         person=series.person,

@@ -13,31 +13,31 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from steerlab.app.console import texts
-from steerlab.app.console.checkup import Checkup
-from steerlab.app.console.desk import Desk
+from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.experimenter_pages import ExperimenterPages
 from steerlab.app.console.forms import BadForm
 from steerlab.app.console.guard import Guard
-from steerlab.app.console.guesses import Guesses
-from steerlab.app.console.live import Changes
+from steerlab.app.console.login_throttle import LoginThrottle
 from steerlab.app.console.participant_pages import ParticipantPages
 from steerlab.app.console.rendering import message_page, static_file
 from steerlab.app.console.sign_in import SignIn
+from steerlab.app.console.study_check_job import StudyCheckJob
+from steerlab.app.console.study_thread import StudyThread
 from steerlab.app.console.wheel_run import WheelRuns
 
 _LOG = logging.getLogger(__name__)
 
 
 def make_app(
-    desk: Desk,
+    desk: StudyThread,
     runs: WheelRuns,
-    checkup: Checkup,
+    checkup: StudyCheckJob,
     sign_in: SignIn,
     *,
     origins: Sequence[str],
     address: str,
-    guesses: Guesses | None = None,
-    changes: Changes | None = None,
+    guesses: LoginThrottle | None = None,
+    changes: ChangeFeed | None = None,
 ) -> ASGIApp:
     """The application, behind its guard.
 
@@ -47,8 +47,8 @@ def make_app(
         guesses: counts wrong links and passwords.
         changes: for who wants to end the open pages' streams.
     """
-    changes = changes or Changes(desk, runs.mark, checkup.mark)
-    guesses = guesses or Guesses()
+    changes = changes or ChangeFeed(desk, runs.mark, checkup.mark)
+    guesses = guesses or LoginThrottle()
     person = ParticipantPages(desk, changes, guesses)
     lab = ExperimenterPages(desk, runs, checkup, changes, sign_in, guesses, origin=address)
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from starlette.responses import RedirectResponse, Response
 
 from steerlab.app.console import texts
-from steerlab.app.console.experimenter_views import Bench, keep_link, person_page
+from steerlab.app.console.experimenter_views import ExperimenterContext, keep_link, person_page
 from steerlab.app.console.next_steps import PAGES
 from steerlab.study.contract import Role, StudyError
 
@@ -14,7 +14,7 @@ Posted = Mapping[str, str]
 LONGEST_NOTE = 5000  # characters
 
 
-def enrol(bench: Bench, posted: Posted) -> Response:
+def enrol(bench: ExperimenterContext, posted: Posted) -> Response:
     """The next participant, in a role."""
     if posted.get("role") not in tuple(Role):
         role = posted.get("role", "")[:80]
@@ -23,14 +23,14 @@ def enrol(bench: Bench, posted: Posted) -> Response:
     return _to(view.id)
 
 
-def new_link(participant: str, bench: Bench, posted: Posted) -> Response:
+def new_link(participant: str, bench: ExperimenterContext, posted: Posted) -> Response:
     """A fresh link for the participant; shown once."""
     view = bench.study.participant(participant)
     key = keep_link(bench, bench.study.new_link(view.id))
     return RedirectResponse(f"/participants/{view.id}?link={key}", 303)
 
 
-def start(participant: str, bench: Bench, posted: Posted) -> Response:
+def start(participant: str, bench: ExperimenterContext, posted: Posted) -> Response:
     """Begin or resume the wheel phase that comes next; the form only says which it thought it was.
 
     Raises:
@@ -45,7 +45,7 @@ def start(participant: str, bench: Bench, posted: Posted) -> Response:
     return _to(view.id)
 
 
-def redo(participant: str, bench: Bench, posted: Posted) -> Response:
+def redo(participant: str, bench: ExperimenterContext, posted: Posted) -> Response:
     """Open a finished phase again.
 
     Raises:
@@ -62,7 +62,7 @@ def redo(participant: str, bench: Bench, posted: Posted) -> Response:
     return _to(view.id)
 
 
-def note(participant: str, bench: Bench, posted: Posted) -> Response:
+def note(participant: str, bench: ExperimenterContext, posted: Posted) -> Response:
     """Keep a remark."""
     view = bench.study.participant(participant)
     text = posted.get("text", "").replace("\r\n", "\n").strip()
@@ -73,7 +73,7 @@ def note(participant: str, bench: Bench, posted: Posted) -> Response:
     return _to(view.id)
 
 
-def withdraw(participant: str, bench: Bench, posted: Posted) -> Response:
+def withdraw(participant: str, bench: ExperimenterContext, posted: Posted) -> Response:
     """Let a participant leave, once the outcome is chosen and the id is typed."""
     view = bench.study.participant(participant)
     outcome = posted.get("outcome")
@@ -90,7 +90,7 @@ def withdraw(participant: str, bench: Bench, posted: Posted) -> Response:
     return _to(view.id)
 
 
-ACTS: Mapping[str, Callable[[str, Bench, Posted], Response]] = {
+ACTS: Mapping[str, Callable[[str, ExperimenterContext, Posted], Response]] = {
     "link": new_link,
     "start": start,
     "redo": redo,
@@ -99,7 +99,7 @@ ACTS: Mapping[str, Callable[[str, Bench, Posted], Response]] = {
 }
 
 
-def _refuse_while_driving(bench: Bench, participant: str) -> None:
+def _refuse_while_driving(bench: ExperimenterContext, participant: str) -> None:
     run = bench.runs.view()
     if run is not None and run.goes_on and run.participant == participant:
         raise StudyError(

@@ -8,26 +8,26 @@ from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
 from steerlab.app.console import experimenter_acts as acts
 from steerlab.app.console import texts
-from steerlab.app.console.checkup import Checkup
-from steerlab.app.console.desk import Desk
+from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.experimenter_views import (
-    Bench,
+    ExperimenterContext,
     checks_page,
     people_page,
     person_page,
 )
 from steerlab.app.console.forms import csrf_holds, read_form
-from steerlab.app.console.guesses import Guesses, client_address
-from steerlab.app.console.live import Changes
+from steerlab.app.console.login_throttle import LoginThrottle, client_address
 from steerlab.app.console.rendering import message_page, page
-from steerlab.app.console.sign_in import Session, SignIn
+from steerlab.app.console.sign_in import BrowserSession, SignIn
+from steerlab.app.console.study_check_job import StudyCheckJob
+from steerlab.app.console.study_thread import StudyThread
 from steerlab.app.console.wheel_run import WheelRuns
 from steerlab.sim.errors import SteerlabError
 from steerlab.study.contract import StudyAccess
 
 COOKIE = "steerlab_experimenter"
 
-Work = Callable[[Bench, Mapping[str, str]], Response]
+Work = Callable[[ExperimenterContext, Mapping[str, str]], Response]
 
 
 class ExperimenterPages:
@@ -35,12 +35,12 @@ class ExperimenterPages:
 
     def __init__(
         self,
-        desk: Desk,
+        desk: StudyThread,
         runs: WheelRuns,
-        checkup: Checkup,
-        changes: Changes,
+        checkup: StudyCheckJob,
+        changes: ChangeFeed,
         sign_in: SignIn,
-        guesses: Guesses,
+        guesses: LoginThrottle,
         *,
         origin: str,
     ) -> None:
@@ -133,7 +133,7 @@ class ExperimenterPages:
                 return message_page(texts.STALE_TITLE, texts.STALE_TEXT, status=403, link="/")
 
         def with_study(study: StudyAccess) -> Response:
-            bench = Bench(
+            bench = ExperimenterContext(
                 study=study,
                 runs=self._runs,
                 session=session,
@@ -152,11 +152,11 @@ class ExperimenterPages:
             await self._changes.look()
         return response
 
-    def _session(self, request: Request) -> Session | None:
+    def _session(self, request: Request) -> BrowserSession | None:
         return self._sign_in.session(request.cookies.get(COOKIE))
 
     def _let_in(
-        self, request: Request, try_it: Callable[[], Session | None], *, wrong: str
+        self, request: Request, try_it: Callable[[], BrowserSession | None], *, wrong: str
     ) -> Response:
         address = client_address(request)
         wait_s = self._guesses.wait_s(address)

@@ -7,17 +7,17 @@ from typing import Any
 from starlette.responses import Response
 
 from steerlab.app.console import texts
-from steerlab.app.console.checkup import CheckupView
 from steerlab.app.console.forms import csrf_token
 from steerlab.app.console.next_steps import next_step, step_of
 from steerlab.app.console.rendering import page
-from steerlab.app.console.sign_in import Session
+from steerlab.app.console.sign_in import BrowserSession
+from steerlab.app.console.study_check_job import CheckupView
 from steerlab.app.console.wheel_run import WheelRuns
 from steerlab.study.contract import ParticipantView, Standing, StudyAccess
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Bench:
+class ExperimenterContext:
     """What a request of the experimenter's has at hand.
 
     Attributes:
@@ -27,12 +27,12 @@ class Bench:
 
     study: StudyAccess
     runs: WheelRuns
-    session: Session
+    session: BrowserSession
     origin: str
     version: str
 
 
-def people_page(bench: Bench) -> Response:
+def people_page(bench: ExperimenterContext) -> Response:
     """Who is under way, with progress and what to do next; then who has finished or left."""
     run = bench.runs.view()
     people = [
@@ -50,7 +50,7 @@ def people_page(bench: Bench) -> Response:
 
 
 def person_page(
-    bench: Bench,
+    bench: ExperimenterContext,
     participant: str,
     *,
     link_key: str = "",
@@ -85,7 +85,7 @@ def person_page(
     )
 
 
-def checks_page(bench: Bench, checks: CheckupView) -> Response:
+def checks_page(bench: ExperimenterContext, checks: CheckupView) -> Response:
     """Integrity and completeness of the whole study."""
     return page(
         "checks.html.j2",
@@ -96,7 +96,7 @@ def checks_page(bench: Bench, checks: CheckupView) -> Response:
     )
 
 
-def keep_link(bench: Bench, token: str) -> str:
+def keep_link(bench: ExperimenterContext, token: str) -> str:
     """Put a new link aside for the one page that shows it; the name it is asked for by."""
     key = secrets.token_urlsafe(16)
     bench.session.links.clear()  # one that was never looked at is not kept
@@ -113,7 +113,7 @@ def _minute(at_utc: str) -> str:
     return texts.AT_UTC.format(day=at_utc[:10], minute=at_utc[11:16])
 
 
-def _frame(bench: Bench, title: str) -> dict[str, Any]:
+def _frame(bench: ExperimenterContext, title: str) -> dict[str, Any]:
     return {
         "study": bench.study.title,
         "title": title,

@@ -19,7 +19,7 @@ PAGES = frozenset(
 OVER = frozenset({PhaseState.DONE, PhaseState.SKIPPED})
 
 
-class Act(Enum):
+class NextAction(Enum):
     """What a button would do."""
 
     NONE = auto()
@@ -34,13 +34,13 @@ class NextStep:
     """One participant's next step; ``phase`` is what a start or resume button is for."""
 
     text: str
-    act: Act = Act.NONE
+    act: NextAction = NextAction.NONE
     phase: Phase | None = None
 
     @property
     def needs_experimenter(self) -> bool:
         """Somebody waits until the experimenter does it."""
-        return self.act is not Act.NONE
+        return self.act is not NextAction.NONE
 
 
 def next_step(view: ParticipantView, run: RunView | None) -> NextStep:
@@ -50,7 +50,7 @@ def next_step(view: ParticipantView, run: RunView | None) -> NextStep:
         return _without_phase(view, run)
     if phase.kind in PAGES:
         if view.standing is Standing.ENROLLED:
-            return NextStep(text=texts.NEXT_LINK, act=Act.LINK)
+            return NextStep(text=texts.NEXT_LINK, act=NextAction.LINK)
         return NextStep(text=texts.NEXT_PAGE.format(title=phase.title))
     if run is not None and run.goes_on:
         if (run.participant, run.phase) == (view.id, phase.id):
@@ -60,9 +60,9 @@ def next_step(view: ParticipantView, run: RunView | None) -> NextStep:
         return NextStep(text=texts.NEXT_OTHER_RUNS.format(participant=run.participant))
     if state_of(view, phase.id) is PhaseState.STARTED:
         said = texts.NEXT_RESUME.format(title=phase.title)
-        return NextStep(text=said, act=Act.RESUME, phase=phase)
+        return NextStep(text=said, act=NextAction.RESUME, phase=phase)
     words = texts.NEXT_COMPUTE if phase.kind is PhaseKind.CALIBRATE_W else texts.NEXT_START
-    return NextStep(text=words.format(title=phase.title), act=Act.START, phase=phase)
+    return NextStep(text=words.format(title=phase.title), act=NextAction.START, phase=phase)
 
 
 def state_of(view: ParticipantView, phase: str) -> PhaseState | None:
@@ -80,7 +80,7 @@ def _without_phase(view: ParticipantView, run: RunView | None) -> NextStep:
     if view.standing is Standing.ERASING:
         if run is not None and run.goes_on and run.participant == view.id:
             return NextStep(text=texts.NEXT_ERASING)
-        return NextStep(text=texts.NEXT_ERASE, act=Act.ERASE)
+        return NextStep(text=texts.NEXT_ERASE, act=NextAction.ERASE)
     if view.standing is Standing.DECLINED:
         return NextStep(text=texts.NEXT_DECLINED)
     return NextStep(text=texts.NEXT_LEFT if view.standing.withdrawn else texts.NEXT_FINISHED)

@@ -6,7 +6,7 @@ from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
 from steerlab.app.console import texts
 from steerlab.app.console.participant_views import (
-    Visit,
+    ParticipantContext,
     consent_page,
     questions_page,
     questions_path,
@@ -19,7 +19,7 @@ Posted = Mapping[str, str]
 READING = (PhaseKind.INSTRUCTIONS, PhaseKind.DEBRIEF)
 
 
-def consent(visit: Visit, posted: Posted) -> Response:
+def consent(visit: ParticipantContext, posted: Posted) -> Response:
     """Keep the decision, if it was made about the text that is valid now."""
     view = visit.view()
     phase = view.next_phase
@@ -33,7 +33,7 @@ def consent(visit: Visit, posted: Posted) -> Response:
     return visit.home_again()
 
 
-def leave_page(phase_id: str, visit: Visit, posted: Posted) -> Response:
+def leave_page(phase_id: str, visit: ParticipantContext, posted: Posted) -> Response:
     """Finish a page that was only to be read."""
     phase = _open_phase(visit, phase_id)
     if phase is not None and phase.kind in READING:
@@ -41,13 +41,15 @@ def leave_page(phase_id: str, visit: Visit, posted: Posted) -> Response:
     return visit.home_again()
 
 
-def show_questions(phase_id: str, number: int, visit: Visit, posted: Posted) -> Response:
+def show_questions(
+    phase_id: str, number: int, visit: ParticipantContext, posted: Posted
+) -> Response:
     """One questionnaire of the open phase; a page that is past leads to the present one."""
     phase = _questions(visit, phase_id, number)
     return visit.home_again() if phase is None else questions_page(visit, phase, number)
 
 
-def hand_in(phase_id: str, number: int, visit: Visit, posted: Posted) -> Response:
+def hand_in(phase_id: str, number: int, visit: ParticipantContext, posted: Posted) -> Response:
     """Keep what the form says; go on if nothing is missing, back if that was asked for."""
     phase = _questions(visit, phase_id, number)
     if phase is None:  # handed in before: a second press of the button, or the back button
@@ -72,7 +74,7 @@ def hand_in(phase_id: str, number: int, visit: Visit, posted: Posted) -> Respons
     return visit.home_again()
 
 
-def keep_one(phase_id: str, number: int, visit: Visit, posted: Posted) -> Response:
+def keep_one(phase_id: str, number: int, visit: ParticipantContext, posted: Posted) -> Response:
     """Keep one answer; says 204 only once it is durable."""
     phase = _questions(visit, phase_id, number)
     if phase is None:
@@ -92,12 +94,12 @@ def keep_one(phase_id: str, number: int, visit: Visit, posted: Posted) -> Respon
     return Response(status_code=204)
 
 
-def _open_phase(visit: Visit, phase_id: str) -> Phase | None:
+def _open_phase(visit: ParticipantContext, phase_id: str) -> Phase | None:
     phase = visit.view().next_phase
     return phase if phase is not None and phase.id == phase_id else None
 
 
-def _questions(visit: Visit, phase_id: str, number: int) -> Phase | None:
+def _questions(visit: ParticipantContext, phase_id: str, number: int) -> Phase | None:
     phase = _open_phase(visit, phase_id)
     if phase is None or phase.kind is not PhaseKind.QUESTIONNAIRES:
         return None

@@ -9,23 +9,23 @@ from starlette.responses import PlainTextResponse, Response
 
 from steerlab.app.console import participant_acts as acts
 from steerlab.app.console import texts
-from steerlab.app.console.desk import Desk
+from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.forms import csrf_holds, read_form
-from steerlab.app.console.guesses import Guesses, client_address
-from steerlab.app.console.live import Changes
-from steerlab.app.console.participant_views import Visit, current_page, page_key
+from steerlab.app.console.login_throttle import LoginThrottle, client_address
+from steerlab.app.console.participant_views import ParticipantContext, current_page, page_key
 from steerlab.app.console.rendering import message_page
+from steerlab.app.console.study_thread import StudyThread
 from steerlab.study.contract import StudyAccess, StudyError
 
 LONGEST_TOKEN = 128
 
-Work = Callable[[Visit, Mapping[str, str]], Response]
+Work = Callable[[ParticipantContext, Mapping[str, str]], Response]
 
 
 class ParticipantPages:
     """Information, consent, questionnaires, instructions, waiting and thanks."""
 
-    def __init__(self, desk: Desk, changes: Changes, guesses: Guesses) -> None:
+    def __init__(self, desk: StudyThread, changes: ChangeFeed, guesses: LoginThrottle) -> None:
         self._desk = desk
         self._changes = changes
         self._guesses = guesses
@@ -85,7 +85,9 @@ class ParticipantPages:
             if participant is None:
                 return None
             try:
-                return work(Visit(study=study, token=token, participant=participant), posted)
+                return work(
+                    ParticipantContext(study=study, token=token, participant=participant), posted
+                )
             except StudyError as error:
                 return message_page(
                     texts.CANNOT_TITLE,

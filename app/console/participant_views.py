@@ -22,7 +22,7 @@ from steerlab.study.contract import (
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Visit:
+class ParticipantContext:
     """A request that came by a participant's link."""
 
     study: StudyAccess
@@ -51,7 +51,7 @@ def page_key(view: ParticipantView) -> str:
     return f"{phase.id} {state_of(view, phase.id)}"
 
 
-def current_page(visit: Visit) -> Response:
+def current_page(visit: ParticipantContext) -> Response:
     """The page of the step that comes next."""
     view = visit.view()
     phase = view.next_phase
@@ -75,7 +75,7 @@ def current_page(visit: Visit) -> Response:
 
 
 def consent_page(
-    visit: Visit, view: ParticipantView, phase: Phase, *, changed: bool = False
+    visit: ParticipantContext, view: ParticipantView, phase: Phase, *, changed: bool = False
 ) -> Response:
     """Information and the two buttons; ``changed`` if another version was shown before."""
     version, paragraphs = visit.study.consent_text(visit.participant)
@@ -89,13 +89,13 @@ def consent_page(
     )
 
 
-def questions_path(visit: Visit, phase: Phase, number: int) -> str:
+def questions_path(visit: ParticipantContext, phase: Phase, number: int) -> str:
     """Path of the ``number``-th questionnaire of a phase, from 1."""
     return f"{visit.home}/{phase.id}/{number}"
 
 
 def questions_page(
-    visit: Visit,
+    visit: ParticipantContext,
     phase: Phase,
     number: int,
     *,
@@ -118,7 +118,7 @@ def questions_page(
     )
 
 
-def _first_unfinished(visit: Visit, phase: Phase) -> int:
+def _first_unfinished(visit: ParticipantContext, phase: Phase) -> int:
     """The first questionnaire that lacks an answer, else the last; from 1."""
     for number, key in enumerate(phase.questionnaires, 1):
         answers = visit.study.answers(visit.participant, phase.id, key)
@@ -127,7 +127,7 @@ def _first_unfinished(visit: Visit, phase: Phase) -> int:
     return len(phase.questionnaires)
 
 
-def _frame(visit: Visit, view: ParticipantView, phase: Phase) -> dict[str, Any]:
+def _frame(visit: ParticipantContext, view: ParticipantView, phase: Phase) -> dict[str, Any]:
     step, steps = step_of(view)
     return {
         "study": visit.study.title,
@@ -140,7 +140,7 @@ def _frame(visit: Visit, view: ParticipantView, phase: Phase) -> dict[str, Any]:
     }
 
 
-def _end_page(visit: Visit, view: ParticipantView) -> Response:
+def _end_page(visit: ParticipantContext, view: ParticipantView) -> Response:
     title, text = {
         Standing.DECLINED: (texts.DECLINED_TITLE, texts.DECLINED_TEXT),
         Standing.WITHDRAWN_KEPT: (texts.LEFT_TITLE, texts.LEFT_KEPT),

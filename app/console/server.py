@@ -10,11 +10,11 @@ from types import FrameType
 import uvicorn
 
 from steerlab.app.console.app import make_app
-from steerlab.app.console.checkup import Checkup
+from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.config import ConsoleConfig
-from steerlab.app.console.desk import Desk
-from steerlab.app.console.live import Changes
 from steerlab.app.console.sign_in import SignIn
+from steerlab.app.console.study_check_job import StudyCheckJob
+from steerlab.app.console.study_thread import StudyThread
 from steerlab.app.console.wheel_run import RunView, WheelRuns
 from steerlab.sim.errors import InvalidConfig
 from steerlab.study.contract import StudyAccess
@@ -50,11 +50,11 @@ def serve(
     port = listening.getsockname()[1]
     address = config.address(port)
     try:
-        desk = Desk(open_study)
+        desk = StudyThread(open_study)
         try:
             runs = WheelRuns(folder, device=device)
-            checkup = Checkup(open_study)
-            changes = Changes(desk, runs.mark, checkup.mark)
+            checkup = StudyCheckJob(open_study)
+            changes = ChangeFeed(desk, runs.mark, checkup.mark)
             sign_in = SignIn(
                 announce=lambda token: announce(f"{address}/enter/{token}"), password=password
             )
@@ -83,7 +83,7 @@ def serve(
 class _Server(uvicorn.Server):
     """Ends the open pages' streams when it is told to stop, which would otherwise wait for them."""
 
-    def __init__(self, config: uvicorn.Config, changes: Changes) -> None:
+    def __init__(self, config: uvicorn.Config, changes: ChangeFeed) -> None:
         super().__init__(config)
         self._changes = changes
 

@@ -12,7 +12,7 @@ MOST_SESSIONS = 16
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Session:
+class BrowserSession:
     """A browser that was let in.
 
     Attributes:
@@ -45,7 +45,7 @@ class SignIn:
         self._announce = announce
         self._password = password
         self._clock = clock
-        self._sessions: dict[str, Session] = {}
+        self._sessions: dict[str, BrowserSession] = {}
         self._link = secrets.token_urlsafe(32)
 
     @property
@@ -57,7 +57,7 @@ class SignIn:
         """Show the link that is valid now."""
         self._announce(self._link)
 
-    def by_link(self, token: str) -> Session | None:
+    def by_link(self, token: str) -> BrowserSession | None:
         """A session, if the one-time token is right; the next one is announced."""
         if not hmac.compare_digest(token.encode(), self._link.encode()):
             return None
@@ -65,26 +65,26 @@ class SignIn:
         self._announce(self._link)
         return self._open()
 
-    def by_password(self, password: str) -> Session | None:
+    def by_password(self, password: str) -> BrowserSession | None:
         """A session, if a password is set and this is it."""
         if self._password is None:
             return None
         right = hmac.compare_digest(password.encode(), self._password.encode())
         return self._open() if right else None
 
-    def session(self, cookie: str | None) -> Session | None:
+    def session(self, cookie: str | None) -> BrowserSession | None:
         """The session that a cookie names, if it has not ended."""
         if not cookie:
             return None
         found = self._sessions.get(_name(cookie))
         return found if found is not None and found.ends_s > self._clock() else None
 
-    def sign_out(self, session: Session) -> None:
+    def sign_out(self, session: BrowserSession) -> None:
         """End a session."""
         self._sessions.pop(_name(session.secret), None)
 
-    def _open(self) -> Session:
-        session = Session(secret=secrets.token_urlsafe(32), ends_s=self._clock() + SESSION_S)
+    def _open(self) -> BrowserSession:
+        session = BrowserSession(secret=secrets.token_urlsafe(32), ends_s=self._clock() + SESSION_S)
         while len(self._sessions) >= MOST_SESSIONS:
             del self._sessions[next(iter(self._sessions))]
         self._sessions[_name(session.secret)] = session

@@ -26,7 +26,7 @@ def command_line(verb: str, settings: Mapping[str, object], out: Path, *argument
     )
 
 
-def say(summary: "Summary", out: Path, *, as_json: bool) -> int:
+def print_summary(summary: "Summary", out: Path, *, as_json: bool) -> int:
     """Print a summary's headline and where the rest is, or all of it as JSON."""
     if as_json:
         print_json(summary.to_dict())

@@ -94,7 +94,7 @@ def drive(
 
     Example: steerlab drive --device keyboard --no-pedals
     """
-    from steerlab.study.sitting import practise
+    from steerlab.study.calibration_session import practise
     from steerlab.teleop.practice import PracticeConfig
 
     config = PracticeConfig(balls=balls, pedals=pedals, seed=seed)

@@ -12,8 +12,8 @@ from steerlab.app.verbs.common import (
     Seed,
     command_line,
     print_json,
+    print_summary,
     progress_bar,
-    say,
     say_where,
 )
 from steerlab.app.verbs.quick_types import FloatOrNone
@@ -108,7 +108,7 @@ def fit(
     command = command_line("fit", given, out, labels.name)
     with progress_bar() as progress:
         summary = run(labels, config, out, force=force, command=command, progress=progress)
-    return say(summary, out, as_json=json)
+    return print_summary(summary, out, as_json=json)
 
 
 def synthetic(
@@ -142,11 +142,11 @@ def synthetic(
 
 
 def _simulate(out: Path, force: bool, as_json: bool, **settings: Any) -> int:
-    from steerlab.app.population_run import PopulationConfig
+    from steerlab.app.population_run import PopulationRunConfig
     from steerlab.app.simulate import simulate as run
 
-    config = PopulationConfig(**settings)
+    config = PopulationRunConfig(**settings)
     command = command_line("simulate", vars(config), out)
     with progress_bar() as progress:
         summary = run(config, out, force=force, command=command, progress=progress)
-    return say(summary, out, as_json=as_json)
+    return print_summary(summary, out, as_json=as_json)

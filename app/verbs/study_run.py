@@ -11,7 +11,7 @@ from steerlab.app.verbs.quick_types import TextOrNone, Texts
 from steerlab.app.verbs.study_common import AsJson, Folder, Person, open_study
 
 if TYPE_CHECKING:
-    from steerlab.study.contract import Finding
+    from steerlab.study.contract import StudyCheck
     from steerlab.study.runner import RunConfig, RunReport
 
 
@@ -149,7 +149,7 @@ def _say_run(participant: str, report: "RunReport") -> int:
     return 0
 
 
-def _say_finding(finding: "Finding") -> None:
+def _say_finding(finding: "StudyCheck") -> None:
     verdict = "BAD " if not finding.ok else "note" if finding.notice else "ok  "
     print(f"{verdict} {finding.what}: {finding.found}")
     if finding.mend:

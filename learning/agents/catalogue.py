@@ -14,7 +14,7 @@ from steerlab.learning.agents.mind_meld import mapped
 from steerlab.learning.agents.oracle import oracle
 from steerlab.learning.agents.safe_dagger import safe_dagger
 from steerlab.learning.agents.shiv import shiv
-from steerlab.learning.ladder.rungs import CEILING, LADDER
+from steerlab.learning.baselines.names import BASELINES, CEILING
 from steerlab.learning.mapper import LabelMapper
 from steerlab.sim.errors import InvalidConfig
 
@@ -34,10 +34,12 @@ PLAIN: Mapping[str, Callable[[], Agent]] = {
 """Learners that map no labels."""
 
 MAPPED = {"mind-meld": "mind_meld", "mind-meld-mean": "mean_embedding"}
-"""Learners that do, and the rung of the ladder that maps for them."""
+"""Learners that do, and the baseline that maps for them."""
 
 PREFIX = "mapped:"
-RUNGS = tuple(rung for rung in (*LADDER, CEILING) if rung not in MAPPED.values())
+MAPPED_BASELINES = tuple(
+    baseline for baseline in (*BASELINES, CEILING) if baseline not in MAPPED.values()
+)
 LEARNERS = (
     "bc",
     "dagger",
@@ -52,13 +54,13 @@ LEARNERS = (
     "coaching",
     "shiv",
     "confidence",
-    *(PREFIX + rung for rung in RUNGS),
+    *(PREFIX + baseline for baseline in MAPPED_BASELINES),
 )
 """Every valid name."""
 
 
-def rung_of(name: str) -> str | None:
-    """The rung of the ladder that maps this learner's labels; None if none does.
+def baseline_of(name: str) -> str | None:
+    """The baseline that maps this learner's labels; None if none does.
 
     Raises:
         InvalidConfig: there is no such learner.
@@ -72,16 +74,16 @@ def make_agent(name: str, mappers: Mapping[str, LabelMapper]) -> Agent:
     """A fresh condition; gates keep state, so one serves one teacher and seed.
 
     Args:
-        mappers: by rung, fitted and calibrated on whoever will teach.
+        mappers: by baseline, fitted and calibrated on whoever will teach.
 
     Raises:
         InvalidConfig: there is no such learner, or its mapper was not given.
     """
-    rung = rung_of(name)
-    if rung is None:
+    baseline = baseline_of(name)
+    if baseline is None:
         return PLAIN[name]()
-    if rung not in mappers:
+    if baseline not in mappers:
         raise InvalidConfig(
-            f"Learner {name!r} needs the mapper {rung!r}; fitted are {', '.join(mappers) or 'none'}."
+            f"Learner {name!r} needs the mapper {baseline!r}; fitted are {', '.join(mappers) or 'none'}."
         )
-    return mapped(name, mappers[rung])
+    return mapped(name, mappers[baseline])

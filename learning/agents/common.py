@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from steerlab.learning.agents.contract import Episode, Learner, Moment, Targets, Watching
-from steerlab.sim.records import Gate as Driver
+from steerlab.learning.agents.contract import Episode, GateInput, Learner, Targets, Watching
+from steerlab.sim.records import Driver
 from steerlab.sim.rollout import BoolArray, FloatArray
 
 
@@ -16,7 +16,7 @@ class LearnerDrives:
     def begin(self, round_number: int, rng: np.random.Generator) -> None:
         """Nothing to prepare."""
 
-    def who_drives(self, moment: Moment) -> Driver:
+    def who_drives(self, moment: GateInput) -> Driver:
         """The robot."""
         return Driver.ROBOT
 
@@ -30,7 +30,7 @@ class TeacherDrives:
     def begin(self, round_number: int, rng: np.random.Generator) -> None:
         """Nothing to prepare."""
 
-    def who_drives(self, moment: Moment) -> Driver:
+    def who_drives(self, moment: GateInput) -> Driver:
         """The teacher."""
         return Driver.TEACHER
 

@@ -11,8 +11,8 @@ the nearest neighbour; here the distance alone (``novelty.py``), and a mistake i
 import numpy as np
 
 from steerlab.learning.agents.common import weighted
-from steerlab.learning.agents.contract import Agent, Episode, Learner, Moment, Targets, Watching
-from steerlab.sim.records import Gate as Driver
+from steerlab.learning.agents.contract import Agent, Episode, GateInput, Learner, Targets, Watching
+from steerlab.sim.records import Driver
 
 MISTAKE_WHEEL = 1.0
 
@@ -26,7 +26,7 @@ class ConfidenceGate:
     def begin(self, round_number: int, rng: np.random.Generator) -> None:
         """Nothing to prepare."""
 
-    def who_drives(self, moment: Moment) -> Driver:
+    def who_drives(self, moment: GateInput) -> Driver:
         """Doubt above 1 asks."""
         return Driver.TEACHER if moment.doubt > 1.0 else Driver.ROBOT
 

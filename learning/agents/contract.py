@@ -9,8 +9,8 @@ import numpy as np
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.policy import Observations
-from steerlab.learning.policy_training import Progress, TrainingRows, nobody
-from steerlab.sim.records import Gate as Driver
+from steerlab.learning.policy_training import Progress, TrainingRows, no_progress
+from steerlab.sim.records import Driver
 from steerlab.sim.rollout import BoolArray, FloatArray, Outcome, Rollout
 
 
@@ -32,7 +32,7 @@ class Learner(Protocol):
         """How unsure it is of each row, (rows,); 1 is where it starts to be unsure."""
         ...
 
-    def train(self, episodes: Sequence[TrainingRows], progress: Progress = nobody) -> float:
+    def train(self, episodes: Sequence[TrainingRows], progress: Progress = no_progress) -> float:
         """Learn from everything collected so far, one entry an episode; the last mean loss.
 
         Args:
@@ -42,7 +42,7 @@ class Learner(Protocol):
 
 
 @dataclass(slots=True)
-class Moment:
+class GateInput:
     """What a gate may look at before a decision; ``NaN`` where it did not ask for it.
 
     Attributes:
@@ -71,7 +71,7 @@ class Gate(Protocol):
         """A new drive."""
         ...
 
-    def who_drives(self, moment: Moment) -> Driver:
+    def who_drives(self, moment: GateInput) -> Driver:
         """Who drives for the coming decision."""
         ...
 

@@ -9,9 +9,9 @@ and ``dagger-beta`` has 0.5^i.
 import numpy as np
 
 from steerlab.learning.agents.common import EveryLabel, LearnerDrives
-from steerlab.learning.agents.contract import Agent, Moment, Watching
+from steerlab.learning.agents.contract import Agent, GateInput, Watching
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.records import Gate as Driver
+from steerlab.sim.records import Driver
 
 BETA = 0.5
 
@@ -33,7 +33,7 @@ class BetaMixture:
         """Rounds count from 1."""
         self._share, self._rng = self._beta**round_number, rng
 
-    def who_drives(self, moment: Moment) -> Driver:
+    def who_drives(self, moment: GateInput) -> Driver:
         """Drawn anew for each decision, as in the paper's algorithm."""
         return Driver.TEACHER if self._rng.random() < self._share else Driver.ROBOT
 

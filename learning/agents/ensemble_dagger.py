@@ -8,8 +8,8 @@ ten); only what the teacher did with the wheel in hand is learned, so a round co
 import numpy as np
 
 from steerlab.learning.agents.common import WhereTeacherDrives
-from steerlab.learning.agents.contract import Agent, Moment, Watching
-from steerlab.sim.records import Gate as Driver
+from steerlab.learning.agents.contract import Agent, GateInput, Watching
+from steerlab.sim.records import Driver
 
 MEMBERS = 3
 DISCREPANCY_WHEEL = 1.0
@@ -27,7 +27,7 @@ class DoubtGate:
     def begin(self, round_number: int, rng: np.random.Generator) -> None:
         """Nothing to prepare."""
 
-    def who_drives(self, moment: Moment) -> Driver:
+    def who_drives(self, moment: GateInput) -> Driver:
         """The paper's decision rule: both must hold for the learner to drive."""
         apart = abs(moment.learner_wheel - moment.teacher_wheel)
         safe = moment.doubt <= 1.0 and apart <= self._discrepancy

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from steerlab.learning.agents.contract import Learner
-from steerlab.learning.agents.stage import Stage
+from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.policy import Observations, stack
 from steerlab.sim.rollout import FloatArray, Outcome
 from steerlab.sim.tasks import HELD_STEPS, Start
@@ -24,7 +24,7 @@ class DriveResult:
 class _Car:
     """One start's state while the one simulator serves the others."""
 
-    def __init__(self, stage: Stage, start: Start) -> None:
+    def __init__(self, stage: TaskEnv, start: Start) -> None:
         stage.driving.reset(start=start.pose)
         self.noise = start.noise
         self.physics = stage.driving.physics_state()
@@ -34,11 +34,11 @@ class _Car:
         self.distance_m = stage.driving.distance_to_ball_m
         self.mark(stage)
 
-    def mark(self, stage: Stage) -> None:
+    def mark(self, stage: TaskEnv) -> None:
         pose = stage.driving.state.pose
         self.path.append((pose.x_m, pose.y_m))
 
-    def drive(self, stage: Stage, decision: int, wheel: float) -> None:
+    def drive(self, stage: TaskEnv, decision: int, wheel: float) -> None:
         driving = stage.driving
         driving.restore(self.physics)
         for _ in range(HELD_STEPS):
@@ -53,7 +53,7 @@ class _Car:
             self.seen = stage.look()
 
 
-def evaluate(stage: Stage, learner: Learner, starts: Sequence[Start]) -> list[DriveResult]:
+def evaluate(stage: TaskEnv, learner: Learner, starts: Sequence[Start]) -> list[DriveResult]:
     """Drive from each of ``starts`` under its noise; nobody teaches."""
     cars = [_Car(stage, start) for start in starts]
     for decision in range(stage.task.decisions):

@@ -10,9 +10,9 @@ wheel are those of a driver, and never mapped.
 import numpy as np
 
 from steerlab.learning.agents.common import WhereTeacherDrives
-from steerlab.learning.agents.contract import Agent, Moment, Watching
+from steerlab.learning.agents.contract import Agent, GateInput, Watching
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.records import Gate as Driver
+from steerlab.sim.records import Driver
 
 TAKE_WHEEL = 0.9  # wheel units of smoothed error; a hand on the wheel notices about a third of lock
 GIVE_BACK = 0.35
@@ -39,7 +39,7 @@ class RiskGate:
         """Trust, until something looks wrong."""
         self._risk, self._since = 0.0, 0
 
-    def who_drives(self, moment: Moment) -> Driver:
+    def who_drives(self, moment: GateInput) -> Driver:
         """With hysteresis, and for at least ``LEAST_HELD`` decisions."""
         error = abs(moment.learner_wheel - moment.oracle_wheel)
         if np.isfinite(error):

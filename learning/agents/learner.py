@@ -19,7 +19,7 @@ from steerlab.learning.policy_training import (
     PolicyTrainingConfig,
     Progress,
     TrainingRows,
-    nobody,
+    no_progress,
     train_policy,
 )
 from steerlab.sim.errors import InvalidConfig
@@ -98,7 +98,7 @@ class PolicyLearner:
         """(rows,) where the policy does by now what it was taught."""
         return np.abs(self.act(episode.seen) - episode.target) <= LEARNT_WHEEL
 
-    def train(self, episodes: Sequence[TrainingRows], progress: Progress = nobody) -> float:
+    def train(self, episodes: Sequence[TrainingRows], progress: Progress = no_progress) -> float:
         """Learn from all episodes, then refit the doubt; the members' last mean loss.
 
         Raises:

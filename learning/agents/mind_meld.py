@@ -45,5 +45,5 @@ def feedback_series(episode: Episode) -> LabelSeries:
 
 
 def mapped(name: str, mapper: LabelMapper) -> Agent:
-    """DAgger on mapped labels: ``mind-meld``, ``mind-meld-mean``, ``mapped:<rung>``."""
+    """DAgger on mapped labels: ``mind-meld``, ``mind-meld-mean``, ``mapped:<baseline>``."""
     return Agent(name=name, gate=LearnerDrives(), rule=MappedLabels(mapper))

@@ -6,7 +6,7 @@ from steerlab.learning.agents.common import LearnerDrives, everywhere, weighted
 from steerlab.learning.agents.contract import Agent, Episode, Learner, Targets
 
 
-class OracleLabels:
+class OracleLabelRule:
     """Ground truth; steps from which the ball cannot be reached are left out."""
 
     def target(self, episode: Episode, learner: Learner) -> Targets:
@@ -17,5 +17,5 @@ class OracleLabels:
 def oracle() -> Agent:
     """Its demonstration too is labelled by the oracle."""
     return Agent(
-        name="oracle", gate=LearnerDrives(), rule=OracleLabels(), demonstration_is_oracle=True
+        name="oracle", gate=LearnerDrives(), rule=OracleLabelRule(), demonstration_is_oracle=True
     )

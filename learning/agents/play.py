@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from steerlab.learning.agents.contract import Episode, Gate, Learner, Moment, Watching
-from steerlab.learning.agents.stage import Stage
+from steerlab.learning.agents.contract import Episode, Gate, GateInput, Learner, Watching
+from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.policy import Observations, stack
 from steerlab.sim.engine.driving import DrivingState
-from steerlab.sim.live_teacher import LiveTeacher, Responding, Sitting
-from steerlab.sim.records import Gate as Driver
+from steerlab.sim.live_teacher import DriveContext, LiveTeacher, Responding
+from steerlab.sim.records import Driver
 from steerlab.sim.rollout import FloatArray, Outcome, Rollout
 from steerlab.sim.tasks import HELD_STEPS, Start
 
@@ -46,7 +46,7 @@ class _Log:
 
 
 def play(
-    stage: Stage,
+    stage: TaskEnv,
     learner: Learner | None,
     teacher: Responding,
     gate: Gate,
@@ -70,7 +70,7 @@ def play(
     if reacting:
         config = stage.task.driving
         live.begin(
-            Sitting(
+            DriveContext(
                 name=place.name,
                 order=place.order,
                 attempt=place.attempt,
@@ -85,7 +85,7 @@ def play(
         doubt = float(learner.doubt(seen)[0]) if learner is not None and gate.needs_doubt else NAN
         truth = stage.oracle(state) if reacting else NAN
         hand = live.react(truth) if reacting else NAN
-        held = gate.who_drives(Moment(decision, held, wheel, hand, truth, doubt))
+        held = gate.who_drives(GateInput(decision, held, wheel, hand, truth, doubt))
         taught = held is Driver.TEACHER
         log.seen.append(seen)
         log.rows.append(len(log.states))
@@ -126,7 +126,7 @@ def play(
     )
 
 
-def _rollout(stage: Stage, log: _Log, place: Place) -> Rollout:
+def _rollout(stage: TaskEnv, log: _Log, place: Place) -> Rollout:
     pose = np.array([(s.pose.x_m, s.pose.y_m, s.pose.heading_rad) for s in log.states])
     velocity = np.array([s.velocity for s in log.states])
     labels = stage.planner.label_rollout(pose, velocity[:, 0])

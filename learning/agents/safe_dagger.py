@@ -10,8 +10,8 @@ each round (``learner.py``, doubt ``safety``); until it has seen both kinds, eve
 import numpy as np
 
 from steerlab.learning.agents.common import WhereTeacherDrives
-from steerlab.learning.agents.contract import Agent, Moment, Watching
-from steerlab.sim.records import Gate as Driver
+from steerlab.learning.agents.contract import Agent, GateInput, Watching
+from steerlab.sim.records import Driver
 
 
 class SafetyGate:
@@ -23,7 +23,7 @@ class SafetyGate:
     def begin(self, round_number: int, rng: np.random.Generator) -> None:
         """Nothing to prepare."""
 
-    def who_drives(self, moment: Moment) -> Driver:
+    def who_drives(self, moment: GateInput) -> Driver:
         """Reads nothing of the teacher: that is the point."""
         return Driver.TEACHER if moment.doubt > 1.0 else Driver.ROBOT
 

@@ -9,9 +9,9 @@ from steerlab.learning.agents.common import TeacherDrives
 from steerlab.learning.agents.contract import Agent, Episode, Targets
 from steerlab.learning.agents.evaluation import DriveResult, evaluate
 from steerlab.learning.agents.learner import PolicyLearner
-from steerlab.learning.agents.oracle import OracleLabels
+from steerlab.learning.agents.oracle import OracleLabelRule
 from steerlab.learning.agents.play import Place, play
-from steerlab.learning.agents.stage import Stage
+from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.policy import PolicyConfig
 from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingRows
 from steerlab.sim.errors import InvalidConfig, SteerlabError
@@ -79,7 +79,7 @@ class Judging:
 
 
 def demonstrate(
-    stage: Stage, teacher: Responding, config: TeachingConfig, *, seed: int
+    stage: TaskEnv, teacher: Responding, config: TeachingConfig, *, seed: int
 ) -> tuple[Episode, int]:
     """The first demonstration, redone with other noise until it reaches the ball.
 
@@ -108,7 +108,7 @@ def demonstrate(
 
 
 def teach(
-    stage: Stage,
+    stage: TaskEnv,
     agent: Agent,
     teacher: Responding,
     demonstration: Episode,
@@ -166,7 +166,7 @@ def teach(
 def _demonstrated(agent: Agent, episode: Episode, learner: PolicyLearner) -> Targets:
     """What everyone learns first: what the teacher did, never mapped (see ``mind_meld.py``)."""
     if agent.demonstration_is_oracle:
-        return OracleLabels().target(episode, learner)
+        return OracleLabelRule().target(episode, learner)
     label = episode.live[episode.rows]
     everywhere = np.ones(len(label), dtype=bool)
     return Targets(label, everywhere.astype(float), everywhere)
@@ -195,7 +195,7 @@ def _result(
     )
 
 
-def _place(stage: Stage, seed: int, number: int, attempt: int) -> Place:
+def _place(stage: TaskEnv, seed: int, number: int, attempt: int) -> Place:
     return Place(
         name=f"{stage.task.name}-s{seed}-r{number:02d}",
         round_number=number,

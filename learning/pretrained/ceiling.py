@@ -10,7 +10,7 @@ import numpy as np
 
 from steerlab.learning.empirical_bayes.grid import RATE_HZ
 from steerlab.learning.errors import UnknownPerson
-from steerlab.learning.pretrained.mapper import PersonStyle, SimPretrainedMapper
+from steerlab.learning.pretrained.mapper import EstimatedStyle, SimPretrainedMapper
 from steerlab.learning.pretrained.model import PretrainedModel
 from steerlab.learning.pretrained.teachers import TeacherRanges
 from steerlab.learning.pretrained.true_style import known_style
@@ -59,7 +59,7 @@ class CeilingMapper(SimPretrainedMapper):
         for person in dict.fromkeys(one.person for one in series):
             if person not in self._teachers:
                 raise UnknownPerson(f"The true style of {person!r} was not given to the ceiling.")
-            self._people[person] = PersonStyle(
+            self._people[person] = EstimatedStyle(
                 coefficients=self._people[person].coefficients,
                 style=known_style(_parameters(self._teachers[person])),
             )

@@ -9,7 +9,7 @@ from steerlab.sim.rollout import FloatArray, Rollout
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Drive:
+class PretrainingDrive:
     """The truth of a rollout and the car's own motion.
 
     Attributes:
@@ -21,7 +21,7 @@ class Drive:
     motion: FloatArray
 
     @classmethod
-    def from_rollout(cls, rollout: Rollout) -> "Drive":
+    def from_rollout(cls, rollout: Rollout) -> "PretrainingDrive":
         """What a mapper may know of a rollout.
 
         Raises:
@@ -34,6 +34,6 @@ class Drive:
         )
         return cls(truth=rollout.oracle_label, motion=motion)
 
-    def mirrored(self) -> "Drive":
+    def mirrored(self) -> "PretrainingDrive":
         """Left and right exchanged; speed keeps its sign."""
-        return Drive(truth=-self.truth, motion=self.motion * np.array([-1.0, 1.0, -1.0]))
+        return PretrainingDrive(truth=-self.truth, motion=self.motion * np.array([-1.0, 1.0, -1.0]))

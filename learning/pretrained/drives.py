@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from steerlab.learning.pretrained.drive import Drive
+from steerlab.learning.pretrained.drive import PretrainingDrive
 from steerlab.sim.calibration_generator import STYLES_BY_WORLD, WORLDS, CalibrationRules
 from steerlab.sim.engine.driving import Driving
 from steerlab.sim.errors import InvalidConfig, NoPath
 from steerlab.sim.ground_truth import Planner, sample_starts
 from steerlab.sim.recorder import record_rollout
-from steerlab.sim.wizard import Wizard, WizardStyle
+from steerlab.sim.wizard import WizardOfOzPolicy, WizardStyle
 from steerlab.sim.world_generator import generate_world
 
 _STREAM = 0x0D21  # keeps these seeds apart from the calibration set's, which is SeedSequence(12)
@@ -34,7 +34,7 @@ def generate_drives(
     worlds: int,
     drives_per_world: int,
     on_world: Callable[[int, int], None] | None = None,
-) -> list[Drive]:
+) -> list[PretrainingDrive]:
     """Drive the wizard in ``worlds`` new worlds, in the calibration set's styles made random.
 
     Args:
@@ -45,7 +45,7 @@ def generate_drives(
     """
     if worlds < 1 or drives_per_world < 1:
         raise InvalidConfig(f"{worlds} worlds of {drives_per_world} drives are none; give both.")
-    drives: list[Drive] = []
+    drives: list[PretrainingDrive] = []
     for number, stream in enumerate(np.random.SeedSequence([_STREAM, seed]).spawn(worlds)):
         drives += _drives_of_a_world(number, stream, drives_per_world)
         if on_world is not None:
@@ -53,7 +53,9 @@ def generate_drives(
     return drives
 
 
-def _drives_of_a_world(number: int, stream: np.random.SeedSequence, count: int) -> Iterator[Drive]:
+def _drives_of_a_world(
+    number: int, stream: np.random.SeedSequence, count: int
+) -> Iterator[PretrainingDrive]:
     world_rng, start_rng, wizard_rng = map(np.random.default_rng, stream.spawn(3))
     world = generate_world(f"pretraining-{number}", world_rng, WORLDS)
     planner = Planner(world, seed=number)
@@ -65,7 +67,9 @@ def _drives_of_a_world(number: int, stream: np.random.SeedSequence, count: int) 
             (start,) = sample_starts(planner, start_rng, 1, min_to_ball_m=RULES.start_to_ball_m[0])
             if not RULES.accept_start(start, world.ball_xy_m):
                 continue
-            wizard = Wizard(_style(wizard_rng), planner, driving.config.control_hz, wizard_rng)
+            wizard = WizardOfOzPolicy(
+                _style(wizard_rng), planner, driving.config.control_hz, wizard_rng
+            )
             try:
                 rollout = record_rollout(
                     driving,
@@ -80,7 +84,7 @@ def _drives_of_a_world(number: int, stream: np.random.SeedSequence, count: int) 
                 continue
             if RULES.accept(rollout):
                 found += 1
-                yield Drive.from_rollout(rollout)
+                yield PretrainingDrive.from_rollout(rollout)
 
 
 def _style(rng: np.random.Generator) -> WizardStyle:

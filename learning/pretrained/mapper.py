@@ -23,7 +23,7 @@ FINE_TUNING = FineTuningConfig()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class PersonStyle:
+class EstimatedStyle:
     """What calibration leaves of a person: coefficients of the closed form, and w."""
 
     coefficients: FloatArray
@@ -60,7 +60,7 @@ class SimPretrainedMapper:
         self._network = self._model.network
         self._gain = 0.0
         self._error_scale: ErrorScale | None = None
-        self._people: dict[str, PersonStyle] = {}
+        self._people: dict[str, EstimatedStyle] = {}
 
     def fit(self, series: Sequence[LabelSeries]) -> None:
         """Calibrate the training people and choose the network; forgets everything before.
@@ -90,7 +90,7 @@ class SimPretrainedMapper:
         people, moments = person_moments(series)
         coefficients, styles = self._model.encoder(moments)
         self._people |= {
-            person: PersonStyle(coefficients=coefficients[row], style=styles[row])
+            person: EstimatedStyle(coefficients=coefficients[row], style=styles[row])
             for row, person in enumerate(people)
         }
 
@@ -167,7 +167,7 @@ class SimPretrainedMapper:
                 )
         return [found[row] for row in range(len(series))]
 
-    def person(self, person: str) -> PersonStyle:
+    def person(self, person: str) -> EstimatedStyle:
         """What is known of someone.
 
         Raises:

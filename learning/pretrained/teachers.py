@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from steerlab.learning.pretrained.drive import Drive
+from steerlab.learning.pretrained.drive import PretrainingDrive
 from steerlab.sim.rollout import BoolArray, FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
@@ -59,7 +59,7 @@ class SimulatedStudy:
     Attributes:
         label: (people, rollouts, samples) within ±``WHEEL_LIMIT``; held beyond the end.
         truth: (people, rollouts, samples); held beyond the end.
-        motion: (people, rollouts, samples, 3); see ``Drive.motion``.
+        motion: (people, rollouts, samples, 3); see ``PretrainingDrive.motion``.
         present: (people, rollouts, samples) False beyond the end.
         style: (people, len(STYLE)).
     """
@@ -72,7 +72,7 @@ class SimulatedStudy:
 
 
 def simulate_study(
-    drives: list[Drive],
+    drives: list[PretrainingDrive],
     people: int,
     rollouts: int,
     rate_hz: float,

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 
 from steerlab.learning.empirical_bayes.grid import RATE_HZ
-from steerlab.learning.pretrained.drive import Drive
+from steerlab.learning.pretrained.drive import PretrainingDrive
 from steerlab.learning.pretrained.drives import generate_drives
 from steerlab.learning.pretrained.model import (
     Alignment,
@@ -93,7 +93,7 @@ def pretrain(
     seed: int,
     config: PretrainConfig | None = None,
     *,
-    drives: list[Drive] | None = None,
+    drives: list[PretrainingDrive] | None = None,
     progress: Progress | None = None,
 ) -> PretrainedModel:
     """Simulate and learn.

@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from steerlab.learning.series import LabelSeries
-from steerlab.learning.synthetic.drives import Drive, DriveConfig
+from steerlab.learning.synthetic.drives import DriveConfig, SyntheticDrive
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.populations import PAPER
 from steerlab.sim.rollout import FloatArray
@@ -38,7 +38,7 @@ class Timing(StrEnum):
         return cls.DELAYED if teacher.style.delay_s > 0.0 else cls.ANTICIPATORY
 
 
-def respond_rad(teacher: ScriptedTeacher, drive: Drive, rate_hz: float) -> FloatArray:
+def respond_rad(teacher: ScriptedTeacher, drive: SyntheticDrive, rate_hz: float) -> FloatArray:
     """The teacher's labels on the drive's labelled steps: the truth shifted, times the gain.
 
     Raises:
@@ -64,7 +64,7 @@ def respond_rad(teacher: ScriptedTeacher, drive: Drive, rate_hz: float) -> Float
 
 
 def label_drives(
-    teachers: Sequence[ScriptedTeacher], drives: Sequence[Drive], rate_hz: float
+    teachers: Sequence[ScriptedTeacher], drives: Sequence[SyntheticDrive], rate_hz: float
 ) -> list[LabelSeries]:
     """Every teacher's labels on every drive, in wheel units."""
     return [

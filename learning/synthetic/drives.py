@@ -52,7 +52,7 @@ class DriveConfig:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Drive:
+class SyntheticDrive:
     """One drive; row ``t`` is the state before ``wheel_rad[t]`` acted. Margins are included.
 
     Attributes:
@@ -94,7 +94,7 @@ def heading_difference_rad(
 
 def sample_drives(
     count: int, seed: int, *, prefix: str, config: DriveConfig | None = None
-) -> tuple[Drive, ...]:
+) -> tuple[SyntheticDrive, ...]:
     """Drives named ``<prefix>-00``, ...; other seeds and other prefixes are independent.
 
     Raises:
@@ -110,14 +110,14 @@ def sample_drives(
     )
 
 
-def _sample_drive(name: str, rng: np.random.Generator, config: DriveConfig) -> Drive:
+def _sample_drive(name: str, rng: np.random.Generator, config: DriveConfig) -> SyntheticDrive:
     while True:
         drive = _drive(name, rng, config)
         if np.abs(drive.truth_rad).max() <= config.largest_truth_rad:
             return drive
 
 
-def _drive(name: str, rng: np.random.Generator, config: DriveConfig) -> Drive:
+def _drive(name: str, rng: np.random.Generator, config: DriveConfig) -> SyntheticDrive:
     rows = config.steps + 2 * config.margin_steps
     step_s = 1.0 / config.rate_hz
     bearing = rng.uniform(-np.pi, np.pi)
@@ -133,7 +133,7 @@ def _drive(name: str, rng: np.random.Generator, config: DriveConfig) -> Drive:
             heading[row + 1] = heading[row] + wheel[row]
             ahead = np.array([np.cos(heading[row + 1]), np.sin(heading[row + 1])])
             position[row + 1] = position[row] + config.speed_mps * step_s * ahead
-    return Drive(
+    return SyntheticDrive(
         name=name,
         goal_m=goal,
         position_m=position,

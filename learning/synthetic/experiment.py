@@ -6,14 +6,14 @@ from time import perf_counter
 
 import numpy as np
 
+from steerlab.learning.baselines import fit_baselines, left_out
 from steerlab.learning.label_quality import LabelQuality, mapper_quality
-from steerlab.learning.ladder import build_ladder, left_out
 from steerlab.learning.mapper import MindMeldMapper, stack_embeddings
 from steerlab.learning.presets import LAB, MapperConfig
 from steerlab.learning.probe import StyleProbe, style_parameters
 from steerlab.learning.splits import StudySplit
 from steerlab.learning.synthetic.demonstrators import label_drives
-from steerlab.learning.synthetic.drives import Drive, DriveConfig, sample_drives
+from steerlab.learning.synthetic.drives import DriveConfig, SyntheticDrive, sample_drives
 from steerlab.learning.training import TrainingConfig
 from steerlab.learning.windows import WindowConfig
 from steerlab.sim.errors import InvalidConfig
@@ -79,8 +79,8 @@ class SyntheticResult:
 
     config: SyntheticConfig
     rate_hz: float
-    calibration: tuple[Drive, ...]
-    unseen: tuple[Drive, ...]
+    calibration: tuple[SyntheticDrive, ...]
+    unseen: tuple[SyntheticDrive, ...]
     seen_people: list[ScriptedTeacher]
     new_people: list[ScriptedTeacher]
     mapper: MindMeldMapper
@@ -130,7 +130,7 @@ def run_synthetic(
         train_seen=tuple(train), held_out_seen=(), calibrate_new=tuple(calibrate), held_out_new=()
     )
     without = left_out([parts], settings, full=False)
-    ladder = build_ladder(
+    baselines = fit_baselines(
         mapper,
         parts,
         seed=config.seed,
@@ -145,7 +145,7 @@ def run_synthetic(
     ):
         quality[split] = {
             name: mapper_quality(one, series, np.random.default_rng(config.seed))
-            for name, one in ladder.items()
+            for name, one in baselines.items()
         }
     probe_r2, spearman_new = _probe(mapper, seen, new)
     progress("scoring", 1.0)

@@ -19,7 +19,7 @@ def whole_file(path: Path) -> Generator[Path]:
     part = path.with_name(f".{path.name}.part")
     try:
         yield part
-        put(part, path)
+        rename_durably(part, path)
     except BaseException:
         # Windows deletes no file that is still open. What came first counts, and the next attempt
         # writes over what is left.
@@ -28,7 +28,7 @@ def whole_file(path: Path) -> Generator[Path]:
         raise
 
 
-def put(part: Path, path: Path) -> None:
+def rename_durably(part: Path, path: Path) -> None:
     """Give a file its name once the disk has all of it; what had the name is replaced.
 
     On Linux all of it survives a power cut once this returns. On macOS the drive may still hold it

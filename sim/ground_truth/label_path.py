@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from steerlab.sim.ground_truth.bicycle import spare_following
 from steerlab.sim.ground_truth.distance_grid import Keep, clearance_at
-from steerlab.sim.ground_truth.label_task import DRIVE_SLACK_M, RAMP_M, Task, verified
 from steerlab.sim.ground_truth.path_writer import write_turn, write_way
+from steerlab.sim.ground_truth.planner_inputs import DRIVE_SLACK_M, RAMP_M, PlannerInputs, verified
 from steerlab.sim.ground_truth.route import Route, same_route
 from steerlab.sim.ground_truth.turns import BLOCKED, free_turns, squeeze, turn_then_straight
 
@@ -32,7 +32,7 @@ LOOKED_AT, DRIVEN = 1, 2  # what has been done with a candidate
 
 @njit(cache=True)
 def turn_and_go(
-    task: Task, pose: tuple[float, float, float], speed_mps: float, nodes: IntArray,
+    task: PlannerInputs, pose: tuple[float, float, float], speed_mps: float, nodes: IntArray,
     max_kink_rad: float, before: Route, remembers: bool, points: FloatArray, heading: FloatArray,
 ) -> tuple[int, Route]:  # fmt: skip
     """Find the cheapest drivable turn-and-straight onto one of ``nodes``, and write its path.
@@ -93,7 +93,7 @@ def turn_and_go(
 
 @njit(cache=True)
 def _candidates(
-    task: Task, pose: tuple[float, float, float], nodes: IntArray, max_kink_rad: float,
+    task: PlannerInputs, pose: tuple[float, float, float], nodes: IntArray, max_kink_rad: float,
     before: Route, remembers: bool, free_rad: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """(4 n,) costs in metres and signed turns: left, right, then the same at the tight radius."""

@@ -9,7 +9,7 @@ from steerlab.sim.ground_truth.committed_path import chain_to_ball, curve
 from steerlab.sim.ground_truth.distance_grid import Keep, clearance_at
 from steerlab.sim.ground_truth.dubins_tree import PoseTree, join_tree
 from steerlab.sim.ground_truth.label_path import MAX_POINTS, TOUCH_M, turn_and_go
-from steerlab.sim.ground_truth.label_task import RAMP_M, Task, verified
+from steerlab.sim.ground_truth.planner_inputs import RAMP_M, PlannerInputs, verified
 from steerlab.sim.ground_truth.route import ANY_ROUTE, UNKNOWN_CORNER, Route
 from steerlab.sim.ground_truth.rrt_star import PointTree, points_within
 
@@ -28,7 +28,7 @@ class Labeller:
     ``points`` (n, 2) and ``heading`` (n,) are the path of the last successful ``find``.
     """
 
-    def __init__(self, task: Task, pose_tree: PoseTree) -> None:
+    def __init__(self, task: PlannerInputs, pose_tree: PoseTree) -> None:
         self._task = task
         self._pose_tree = pose_tree
         self._points = np.empty((MAX_POINTS, 2))

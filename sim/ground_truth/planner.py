@@ -19,10 +19,10 @@ from steerlab.sim.ground_truth.distance_grid import (
 from steerlab.sim.ground_truth.dubins_tree import PoseTree, goal_poses, grow_pose_tree, join_tree
 from steerlab.sim.ground_truth.footprint import collision
 from steerlab.sim.ground_truth.label_path import TOUCH_M
-from steerlab.sim.ground_truth.label_task import RAMP_M, Task
 from steerlab.sim.ground_truth.labeller import Labeller
 from steerlab.sim.ground_truth.oracle_labels import OracleLabels
 from steerlab.sim.ground_truth.path import Path
+from steerlab.sim.ground_truth.planner_inputs import RAMP_M, PlannerInputs
 from steerlab.sim.ground_truth.route import Route, route_map
 from steerlab.sim.ground_truth.rrt_star import PointTree, cost_to_go, grow_point_tree
 from steerlab.sim.ground_truth.stanley import stanley_rad, steering_of
@@ -81,7 +81,7 @@ class Planner:
             needed_m=self._needed_m,
             rng=pose_rng,
         )
-        self._task = Task(
+        self._task = PlannerInputs(
             tree=self.point_tree,
             routes=route_map(self.point_tree),
             grid=grid,

@@ -13,7 +13,7 @@ from steerlab.sim.ground_truth.distance_grid import (
     needed_clearance_m,
 )
 from steerlab.sim.ground_truth.dubins import turn_angle
-from steerlab.sim.ground_truth.label_task import RAMP_M, Task
+from steerlab.sim.ground_truth.planner_inputs import RAMP_M, PlannerInputs
 from steerlab.sim.world import REACH_M
 
 FloatArray = NDArray[np.float64]
@@ -41,7 +41,7 @@ def turn_then_straight(
 
 
 @njit(cache=True)
-def free_turns(task: Task, pose: tuple[float, float, float], start_m: float) -> FloatArray:
+def free_turns(task: PlannerInputs, pose: tuple[float, float, float], start_m: float) -> FloatArray:
     """(4,) how far the car can turn left, right, and the same at the tight radius, in radians."""
     x, y, bearing = pose
     free = np.empty(4)
@@ -64,7 +64,7 @@ def free_turns(task: Task, pose: tuple[float, float, float], start_m: float) -> 
 
 @njit(cache=True)
 def squeeze(
-    task: Task, pose: tuple[float, float, float], turn: float, radius_m: float, node: int,
+    task: PlannerInputs, pose: tuple[float, float, float], turn: float, radius_m: float, node: int,
     keep: Keep,
 ) -> float:  # fmt: skip
     """How far the straight after a turn enters the grown blocks; infinite if the car must touch.

@@ -10,7 +10,7 @@ from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import LabelledStep, step_from_row
 from steerlab.study.store.events import Event, Flag, StepTimes
 from steerlab.study.store.records import Attempt, StoredRollout
-from steerlab.study.store.sessions import Session
+from steerlab.study.store.sessions import SessionRecord
 from steerlab.study.store.store import StudyStore
 
 
@@ -38,7 +38,7 @@ class AttemptData:
 
     rollout: StoredRollout
     attempt: Attempt
-    session: Session | None
+    session: SessionRecord | None
     steps: Sequence[LabelledStep]
     times: Sequence[StepTimes | None]
     events: Sequence[Event]

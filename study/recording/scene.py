@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.records import Gate, LabelledStep
+from steerlab.sim.records import Driver, LabelledStep
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import BALL_RADIUS_M, WorldSpec
 from steerlab.study.recording import layout
@@ -19,7 +19,7 @@ _SOLID = rr.components.FillMode.Solid
 _PATH_HEIGHT_M = 0.12
 _PATH_RADIUS_M, _ORACLE_RADIUS_M = 0.22, 0.13
 _START_M = 3.0
-_DRIVER_RGB = {Gate.ROBOT: layout.ROBOT_RGB, Gate.TEACHER: layout.TEACHER_RGB}
+_DRIVER_RGB = {Driver.ROBOT: layout.ROBOT_RGB, Driver.TEACHER: layout.TEACHER_RGB}
 
 
 def log_world(
@@ -165,7 +165,7 @@ def _body(car: CarConfig) -> rr.Boxes3D:
     )
 
 
-def _driven(steps: Sequence[LabelledStep]) -> tuple[list[FloatArray], list[Gate]]:
+def _driven(steps: Sequence[LabelledStep]) -> tuple[list[FloatArray], list[Driver]]:
     """A strip for each stretch that one of the two drove."""
     starts = [0, *(i for i in range(1, len(steps)) if steps[i].gate is not steps[i - 1].gate)]
     points = _on_ground(np.array([(step.x_m, step.y_m) for step in steps]))

@@ -16,7 +16,7 @@ from steerlab.study.recording.live_rerun import LiveRerun, OpenViewer
 from steerlab.study.recording.writer import AttemptWriter, RecordingError, WriterThread
 from steerlab.study.store.records import Attempt, StoredRollout
 from steerlab.study.store.schema import StoreError
-from steerlab.study.store.sessions import Session
+from steerlab.study.store.sessions import SessionRecord
 from steerlab.study.store.store import StudyStore
 from steerlab.teleop.devices.contract import DeviceInfo
 from steerlab.teleop.drives.contract import Drive
@@ -33,7 +33,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class SessionInfo:
-    """Who sits where; see ``Session`` in the store for the meaning of each.
+    """Who sits where; see ``SessionRecord`` in the store for the meaning of each.
 
     Attributes:
         role: of the participant in the study, such as ``seen``.
@@ -209,7 +209,7 @@ class SessionRecorder:
         sessions = store.sessions().values()
         number = 1 + sum(session.participant == info.participant for session in sessions)
         found = versions()
-        session = Session(
+        session = SessionRecord(
             id=f"{info.participant}-{number}",
             participant=info.participant,
             started_utc=datetime.now(UTC).isoformat(timespec="seconds"),

@@ -1,7 +1,7 @@
 """Everything that a recording holds is logged once to nowhere: the first time takes up to 1 s."""
 
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.records import Gate, LabelledStep
+from steerlab.sim.records import Driver, LabelledStep
 from steerlab.sim.world import Block, WorldSpec
 from steerlab.study.recording.attempt_data import AttemptData, StoredTimes
 from steerlab.study.recording.blueprint import blueprint
@@ -69,7 +69,7 @@ def _step(step: int) -> LabelledStep:
         y_m=0.0,
         heading_rad=0.0,
         speed_mps=5.0,
-        slip_mps=0.0,
+        lateral_speed_mps=0.0,
         yaw_rate_radps=0.0,
         acceleration_x_mps2=0.0,
         acceleration_y_mps2=0.0,
@@ -77,6 +77,6 @@ def _step(step: int) -> LabelledStep:
         teacher_label=0.0,
         oracle_label=0.0,
         executed_wheel=0.0,
-        gate=Gate.ROBOT,
+        gate=Driver.ROBOT,
         label_valid=True,
     )

@@ -13,8 +13,8 @@ from steerlab.study.recording.live_rerun import LiveRerun
 from steerlab.study.store.events import Event, Flag
 from steerlab.study.store.records import Attempt
 from steerlab.study.store.store import StudyStore
-from steerlab.teleop.gates import FailedGate
 from steerlab.teleop.timing import StepTiming
+from steerlab.teleop.timing_limits import TimingViolation
 
 if TYPE_CHECKING:
     from steerlab.study.recording.attempt_data import AttemptData
@@ -128,7 +128,7 @@ class AttemptWriter:
                 f"What was recorded before is safe."
             ) from self._failure
 
-    def finish(self, failed: Sequence[FailedGate] = ()) -> None:
+    def finish(self, failed: Sequence[TimingViolation] = ()) -> None:
         """Wait until everything is on the disk, and mark the attempt as finished.
 
         Args:

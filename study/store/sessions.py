@@ -13,7 +13,7 @@ from steerlab.study.store.tables import SESSION_COLUMNS
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Session:
+class SessionRecord:
     """One sitting of one participant; attempts name the session that they were made in.
 
     Attributes:
@@ -99,7 +99,7 @@ class Session:
         return cls(**values)
 
 
-def add_session(connection: StoreConnection, session: Session) -> None:
+def add_session(connection: StoreConnection, session: SessionRecord) -> None:
     """Keep a session; durable when this returns.
 
     Raises:
@@ -111,11 +111,11 @@ def add_session(connection: StoreConnection, session: Session) -> None:
         connection.log("session begun", f"session {session.id!r} of {session.participant!r}")
 
 
-def read_sessions(connection: StoreConnection) -> dict[str, Session]:
+def read_sessions(connection: StoreConnection) -> dict[str, SessionRecord]:
     """Sessions by id, in the order in which they began."""
     names = ", ".join(SESSION_COLUMNS)
     rows = connection.read(f"SELECT {names} FROM sessions ORDER BY started_utc, id")
-    return {row[0]: Session.from_row(row) for row in rows}
+    return {row[0]: SessionRecord.from_row(row) for row in rows}
 
 
 def check_session(connection: StoreConnection, session: str, participant: str) -> None:

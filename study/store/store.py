@@ -28,7 +28,7 @@ from steerlab.study.store.events import (
 from steerlab.study.store.labels import read_labels, read_steps
 from steerlab.study.store.records import Attempt, AttemptStatus, AuditEntry, StoredRollout
 from steerlab.study.store.schema import StoreError, create_database, open_database
-from steerlab.study.store.sessions import Session, add_session, check_session, read_sessions
+from steerlab.study.store.sessions import SessionRecord, add_session, check_session, read_sessions
 
 _INSERT_STEP = f"INSERT INTO steps VALUES ({', '.join('?' * len(COLUMNS))})"
 _THIS_ATTEMPT = "WHERE participant = ? AND rollout = ? AND attempt = ?"
@@ -118,7 +118,7 @@ class StudyStore:
             insert = "INSERT INTO rollouts VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
             self._connection.run(insert, *rollout.to_row())
 
-    def add_session(self, session: Session) -> None:
+    def add_session(self, session: SessionRecord) -> None:
         """Keep when and with what a participant sat down; durable when this returns.
 
         Raises:
@@ -246,7 +246,7 @@ class StudyStore:
         found = map(Attempt.from_row, self._connection.read(query))
         return [a for a in found if not statuses or a.status in statuses]
 
-    def sessions(self) -> dict[str, Session]:
+    def sessions(self) -> dict[str, SessionRecord]:
         """Sessions by id, in the order in which they began."""
         return read_sessions(self._connection)
 

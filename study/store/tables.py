@@ -6,7 +6,7 @@ table. What was published never changes: a change is a new version at the end.
 
 import pyarrow as pa
 
-from steerlab.sim.records import LABELLED_STEP_SCHEMA, Gate
+from steerlab.sim.records import LABELLED_STEP_SCHEMA, Driver
 from steerlab.study.store.study_tables import VERSION_3, VIEWS_OF_2
 from steerlab.study.store.teaching_tables import VERSION_4, VIEWS_OF_3
 
@@ -87,7 +87,7 @@ CREATE TABLE attempts (
 
 CREATE TABLE steps (
     {_step_columns()},
-    CHECK (gate IN ({", ".join(f"'{gate}'" for gate in Gate)})),
+    CHECK (gate IN ({", ".join(f"'{gate}'" for gate in Driver)})),
     CHECK (label_valid IN (0, 1)),
     PRIMARY KEY (participant, rollout, attempt, step),
     FOREIGN KEY (participant, rollout, attempt) REFERENCES attempts (participant, rollout, attempt)

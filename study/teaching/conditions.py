@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Hands(StrEnum):
+class TeacherAction(StrEnum):
     """What the person does while the robot learns."""
 
     LABEL = "label"  # the robot drives; the wheel says how it should have steered
@@ -15,7 +15,7 @@ class Hands(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class TaughtBy:
+class TeachingMode:
     """How a condition is taught.
 
     Attributes:
@@ -24,7 +24,7 @@ class TaughtBy:
     """
 
     learner: str
-    hands: Hands
+    hands: TeacherAction
 
     @property
     def before(self) -> tuple[str, ...]:
@@ -44,46 +44,46 @@ FIRST_BEFORE = (
 )
 FIRST_DURING = "You drive. Steer the car to the orange ball."
 _BEFORE = {
-    Hands.LABEL: (
+    TeacherAction.LABEL: (
         "Now the robot drives, as well as it has learnt. Steer as you think it should have steered; "
         "the car does not follow your wheel.",
         "After each drive it learns from you, and you can rest your hands.",
     ),
-    Hands.DRIVE: (
+    TeacherAction.DRIVE: (
         "Show it again: you drive, in every drive.",
         "After each drive it learns from you, and you can rest your hands.",
     ),
-    Hands.TAKE_OVER: (
+    TeacherAction.TAKE_OVER: (
         "Now the robot drives, as well as it has learnt. Whenever it needs you, hold the take-over "
         "button and steer; let go, and it drives on.",
         "After each drive it learns from what you did, and you can rest your hands.",
     ),
-    Hands.ARE_ASKED: (
+    TeacherAction.ARE_ASKED: (
         "Now the robot drives, as well as it has learnt. Where it is unsure it hands you the wheel: "
         "then the screen says that you drive. Keep steering as it should be all the time.",
         "After each drive it learns from you, and you can rest your hands.",
     ),
 }
 _DURING = {
-    Hands.LABEL: "Steer as you think the car should have steered.",
-    Hands.DRIVE: FIRST_DURING,
-    Hands.TAKE_OVER: "Hold the take-over button and steer when the car needs you.",
-    Hands.ARE_ASKED: "Steer as it should be; the car follows you while it says that you drive.",
+    TeacherAction.LABEL: "Steer as you think the car should have steered.",
+    TeacherAction.DRIVE: FIRST_DURING,
+    TeacherAction.TAKE_OVER: "Hold the take-over button and steer when the car needs you.",
+    TeacherAction.ARE_ASKED: "Steer as it should be; the car follows you while it says that you drive.",
 }
 
-TAUGHT: Mapping[str, TaughtBy] = {
-    "mind_meld": TaughtBy(learner="mind-meld", hands=Hands.LABEL),
-    "bc": TaughtBy(learner="bc", hands=Hands.DRIVE),
-    "dagger": TaughtBy(learner="dagger", hands=Hands.LABEL),
-    "oracle": TaughtBy(learner="oracle", hands=Hands.LABEL),
-    "mind_meld_mean": TaughtBy(learner="mind-meld-mean", hands=Hands.LABEL),
-    "hg_dagger": TaughtBy(learner="hg-dagger", hands=Hands.TAKE_OVER),
-    "eil": TaughtBy(learner="eil", hands=Hands.TAKE_OVER),
-    "safe_dagger": TaughtBy(learner="safe-dagger", hands=Hands.ARE_ASKED),
-    "ensemble_dagger": TaughtBy(learner="ensemble-dagger", hands=Hands.ARE_ASKED),
-    "confidence": TaughtBy(learner="confidence", hands=Hands.ARE_ASKED),
-    "coaching": TaughtBy(learner="coaching", hands=Hands.LABEL),
-    "shiv": TaughtBy(learner="shiv", hands=Hands.LABEL),
+TAUGHT: Mapping[str, TeachingMode] = {
+    "mind_meld": TeachingMode(learner="mind-meld", hands=TeacherAction.LABEL),
+    "bc": TeachingMode(learner="bc", hands=TeacherAction.DRIVE),
+    "dagger": TeachingMode(learner="dagger", hands=TeacherAction.LABEL),
+    "oracle": TeachingMode(learner="oracle", hands=TeacherAction.LABEL),
+    "mind_meld_mean": TeachingMode(learner="mind-meld-mean", hands=TeacherAction.LABEL),
+    "hg_dagger": TeachingMode(learner="hg-dagger", hands=TeacherAction.TAKE_OVER),
+    "eil": TeachingMode(learner="eil", hands=TeacherAction.TAKE_OVER),
+    "safe_dagger": TeachingMode(learner="safe-dagger", hands=TeacherAction.ARE_ASKED),
+    "ensemble_dagger": TeachingMode(learner="ensemble-dagger", hands=TeacherAction.ARE_ASKED),
+    "confidence": TeachingMode(learner="confidence", hands=TeacherAction.ARE_ASKED),
+    "coaching": TeachingMode(learner="coaching", hands=TeacherAction.LABEL),
+    "shiv": TeachingMode(learner="shiv", hands=TeacherAction.LABEL),
 }
 """By condition key; the paper compares ``mind_meld``, ``bc`` and ``dagger``.
 

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from steerlab.learning.agents.contract import Agent, Gate, Moment
-from steerlab.sim.records import Gate as Driver
+from steerlab.learning.agents.contract import Agent, Gate, GateInput
+from steerlab.sim.records import Driver
 from steerlab.sim.rollout import FloatArray
 from steerlab.sim.tasks import HELD_STEPS
 from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.study.teaching.conditions import Hands
+from steerlab.study.teaching.conditions import TeacherAction
 from steerlab.study.teaching.robot import Robot
 from steerlab.teleop.devices.contract import Button, DeviceSample
 from steerlab.teleop.drives.who_drives import (
@@ -24,13 +24,15 @@ NAN = float("nan")
 LEAST_GIVEN = 10  # decisions, 1 s: nobody takes a wheel that is gone again within a moment
 
 
-def who_drives(hands: Hands, agent: Agent, robot: Robot, number: int, seed: int) -> WhoDrives:
+def who_drives(
+    hands: TeacherAction, agent: Agent, robot: Robot, number: int, seed: int
+) -> WhoDrives:
     """What decides in round ``number``; 0 is the first demonstration, which the person drives."""
-    if number == 0 or hands is Hands.DRIVE:
+    if number == 0 or hands is TeacherAction.DRIVE:
         return PersonDrives(pedals=False)  # a policy has no pedals either
-    if hands is Hands.LABEL:
+    if hands is TeacherAction.LABEL:
         return RobotDrives()
-    if hands is Hands.TAKE_OVER:
+    if hands is TeacherAction.TAKE_OVER:
         return Takeover()
     return GateDecides(agent.gate, robot, number, seed)
 
@@ -65,7 +67,7 @@ class GateDecides:
         self._step += 1
         if rest == 0:
             hand = NAN if sample.wheel is None else sample.wheel
-            moment = Moment(decision, self._held, robot_wheel, hand, NAN, self._robot.doubt)
+            moment = GateInput(decision, self._held, robot_wheel, hand, NAN, self._robot.doubt)
             named = self._gate.who_drives(moment)
             self._since += 1
             keeps = self._held is Driver.TEACHER and self._since < LEAST_GIVEN

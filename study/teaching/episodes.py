@@ -6,18 +6,18 @@ import numpy as np
 import pyarrow as pa
 
 from steerlab.learning.agents.contract import Episode, Targets
-from steerlab.learning.agents.stage import Stage
+from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.policy import Observations, pool_frame
-from steerlab.sim.records import Gate
+from steerlab.sim.records import Driver
 from steerlab.sim.rollout import FloatArray, Outcome, Rollout
 from steerlab.sim.tasks import HELD_STEPS
 
 _POSE = ("x_m", "y_m", "heading_rad")
-_VELOCITY = ("speed_mps", "slip_mps", "yaw_rate_radps")
+_VELOCITY = ("speed_mps", "lateral_speed_mps", "yaw_rate_radps")
 _ACCELERATION = ("acceleration_x_mps2", "acceleration_y_mps2")
 
 
-def see_again(stage: Stage, steps: pa.Table) -> Observations:
+def rerender_observations(stage: TaskEnv, steps: pa.Table) -> Observations:
     """What the robot saw at each decision of a drive: the camera sees nothing but where it is."""
     rows = decisions(steps.num_rows)
     images = []
@@ -29,7 +29,7 @@ def see_again(stage: Stage, steps: pa.Table) -> Observations:
 
 
 def episode_of(
-    steps: pa.Table, seen: Observations, outcome: Outcome, stage: Stage, number: int
+    steps: pa.Table, seen: Observations, outcome: Outcome, stage: TaskEnv, number: int
 ) -> Episode:
     """The episode of a finished attempt; its truth is what was kept beside each label.
 
@@ -40,7 +40,7 @@ def episode_of(
     pose, truth = _columns(steps, _POSE), _values(steps, "oracle_label")
     robot = _values(steps, "robot_wheel")
     given = np.where(steps["label_valid"].to_numpy(), _values(steps, "teacher_label"), np.nan)
-    driven = np.array(steps["gate"].to_pylist()) == Gate.TEACHER.value
+    driven = np.array(steps["gate"].to_pylist()) == Driver.TEACHER.value
     task = stage.task
     rollout = Rollout(
         name=steps["rollout"][0].as_py(),

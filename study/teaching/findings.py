@@ -3,13 +3,13 @@
 from collections.abc import Iterator, Sequence
 from hashlib import sha256
 
-from steerlab.study.contract import Finding, PhaseKind, PhaseState, Standing
+from steerlab.study.contract import PhaseKind, PhaseState, Standing, StudyCheck
 from steerlab.study.opened import OpenStudy
-from steerlab.study.progress import Progress, everybody
+from steerlab.study.progress import ParticipantProgress, everybody
 from steerlab.study.store.teaching import TaughtRound, read_taught, read_tried
 
 
-def teaching_findings(study: OpenStudy) -> Iterator[Finding]:
+def teaching_findings(study: OpenStudy) -> Iterator[StudyCheck]:
     """Rounds, trials and policies of every teaching phase that is marked as done."""
     whole = 0
     for place in everybody(study):
@@ -23,16 +23,16 @@ def teaching_findings(study: OpenStudy) -> Iterator[Finding]:
             wrong = _missing(study, place, phase.id, rounds) or _changed(study, rounds)
             if wrong:
                 mend = f"Restore the study from its last copy, or redo {phase.id} of {who}."
-                yield Finding(what=who, found=f"{phase.id}: {wrong}", ok=False, mend=mend)
+                yield StudyCheck(what=who, found=f"{phase.id}: {wrong}", ok=False, mend=mend)
             else:
                 whole += len(rounds)
     if whole:
         found = f"{whole} rounds, their policies as they were kept"
-        yield Finding(what="Teaching", found=found, ok=True)
+        yield StudyCheck(what="Teaching", found=found, ok=True)
 
 
 def _missing(
-    study: OpenStudy, place: Progress, phase: str, rounds: Sequence[TaughtRound]
+    study: OpenStudy, place: ParticipantProgress, phase: str, rounds: Sequence[TaughtRound]
 ) -> str | None:
     """What a phase that is done lacks."""
     wanted = place.protocol.demonstrations + 1

@@ -4,12 +4,12 @@ import numpy as np
 
 from steerlab.learning.agents.contract import Agent
 from steerlab.learning.agents.learner import PolicyLearner
-from steerlab.learning.agents.stage import Stage
+from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingRows
-from steerlab.study.teaching.episodes import see_again
-from steerlab.study.teaching.host import Tick
+from steerlab.study.teaching.episodes import rerender_observations
 from steerlab.study.teaching.plan import TeachPlan
-from steerlab.study.teaching.register import Register
+from steerlab.study.teaching.teacher_interface import Tick
+from steerlab.study.teaching.teaching_log import TeachingLog
 
 
 def new_learner(agent: Agent, plan: TeachPlan, seed: int) -> PolicyLearner:
@@ -22,8 +22,8 @@ def new_learner(agent: Agent, plan: TeachPlan, seed: int) -> PolicyLearner:
     )
 
 
-def learn_again(
-    learner: PolicyLearner, register: Register, stage: Stage, tick: Tick
+def restore_learner(
+    learner: PolicyLearner, register: TeachingLog, stage: TaskEnv, tick: Tick
 ) -> list[TrainingRows]:
     """Bring a new learner to where the last round that was kept left it.
 
@@ -44,7 +44,7 @@ def learn_again(
         targets = register.targets(taught)
         kept = targets.weight > 0.0
         if kept.any():
-            seen = see_again(stage, register.steps(taught.rollout, taught.attempt))
+            seen = rerender_observations(stage, register.steps(taught.rollout, taught.attempt))
             collected.append(
                 TrainingRows(seen.take(kept), targets.target[kept], targets.weight[kept])
             )
@@ -54,7 +54,7 @@ def learn_again(
     return collected
 
 
-def warm_up(stage: Stage, agent: Agent) -> None:
+def warm_up(stage: TaskEnv, agent: Agent) -> None:
     """Do once what takes seconds the first time: the person rests no longer for it.
 
     Imports and compiles; nothing of it stays in the learner that is taught.

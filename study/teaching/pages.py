@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from steerlab.sim.rollout import Outcome
-from steerlab.teleop.gates import FailedGate
 from steerlab.teleop.screen.contract import Page
+from steerlab.teleop.timing_limits import TimingViolation
 
 _GO_ON = ("Space", "go on")
 _AGAIN = ("R", "do this rollout again")
@@ -80,7 +80,7 @@ def learnt_page(number: int, count: int, outcome: Outcome) -> Page:
     )
 
 
-def untimely_page(failed: Sequence[FailedGate], number: int, count: int) -> Page:
+def untimely_page(failed: Sequence[TimingViolation], number: int, count: int) -> Page:
     """The computer could not keep time; a redo is offered."""
     what = "; ".join(map(str, failed))
     return Page(

@@ -40,7 +40,7 @@ class TeachRequest:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Taught:
+class TeachingResult:
     """How it ended; ``detail`` is kept with the phase."""
 
     finished: bool
@@ -50,7 +50,7 @@ class Taught:
 class Teaching(Protocol):
     """Lets people teach under a condition; resumes where an earlier call was stopped."""
 
-    def teach(self, request: TeachRequest) -> Taught:
+    def teach(self, request: TeachRequest) -> TeachingResult:
         """Teach, and keep what was taught, durable when this returns.
 
         Raises:

@@ -3,7 +3,7 @@
 from time import perf_counter_ns
 
 from steerlab.learning.agents.contract import Learner
-from steerlab.learning.agents.stage import Stage
+from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.policy import Observations, stack
 from steerlab.sim.engine.driving import DrivingState
 from steerlab.sim.tasks import HELD_STEPS
@@ -26,7 +26,7 @@ class Robot:
         decision_ns: how long each decision took, picture included.
     """
 
-    def __init__(self, stage: Stage, learner: Learner | None, *, doubts: bool = False) -> None:
+    def __init__(self, stage: TaskEnv, learner: Learner | None, *, doubts: bool = False) -> None:
         self._stage, self._learner, self._doubts = stage, learner, doubts
         self.decision_ns: list[int] = []
         self.begin()

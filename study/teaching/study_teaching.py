@@ -1,13 +1,13 @@
 """What the study's runner gets: a ``Teaching`` for every condition, light until somebody teaches."""
 
 from steerlab.study.teaching.conditions import TAUGHT
-from steerlab.study.teaching.request import Taught, Teachings, TeachRequest
+from steerlab.study.teaching.request import TeachingResult, Teachings, TeachRequest
 
 
 class StudyTeaching:
     """Teaches any condition of ``conditions``; what is slow to import waits until then."""
 
-    def teach(self, request: TeachRequest) -> Taught:
+    def teach(self, request: TeachRequest) -> TeachingResult:
         """Teach; see ``classroom``.
 
         Raises:
@@ -15,10 +15,10 @@ class StudyTeaching:
             BallNeverReached: the first demonstration never got there.
             SteerlabError: device, display or study cannot be used; what is finished stays.
         """
-        from steerlab.study.teaching.classroom import teach  # torch, MuJoCo: seconds to import
+        from steerlab.study.teaching.run_teaching import teach  # torch, MuJoCo: seconds to import
 
         finished, detail = teach(request)
-        return Taught(finished=finished, detail=detail)
+        return TeachingResult(finished=finished, detail=detail)
 
 
 def all_teachings() -> Teachings:

@@ -4,18 +4,20 @@ from collections.abc import Sequence
 
 from steerlab.learning.agents.evaluation import evaluate
 from steerlab.learning.agents.learner import PolicyLearner
-from steerlab.learning.agents.stage import Stage
+from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.policy import Observations
-from steerlab.learning.policy_training import Progress, TrainingRows, nobody
+from steerlab.learning.policy_training import Progress, TrainingRows, no_progress
 from steerlab.sim.rollout import FloatArray
 from steerlab.study.store.teaching import Trial
-from steerlab.study.teaching.host import Tick
 from steerlab.study.teaching.learning import new_learner
-from steerlab.study.teaching.register import Register
-from steerlab.study.teaching.subject import Subject
+from steerlab.study.teaching.spec import TeachingSpec
+from steerlab.study.teaching.teacher_interface import Tick
+from steerlab.study.teaching.teaching_log import TeachingLog
 
 
-def try_out(stage: Stage, subject: Subject, learner: PolicyLearner, tick: Tick) -> list[Trial]:
+def evaluate_policy(
+    stage: TaskEnv, subject: TeachingSpec, learner: PolicyLearner, tick: Tick
+) -> list[Trial]:
     """How a learner drives now, from every start."""
     watched = _Watched(learner, stage.task.decisions, tick)
     return [
@@ -24,7 +26,7 @@ def try_out(stage: Stage, subject: Subject, learner: PolicyLearner, tick: Tick) 
     ]
 
 
-def try_all(stage: Stage, subject: Subject, register: Register, tick: Tick) -> None:
+def try_all(stage: TaskEnv, subject: TeachingSpec, register: TeachingLog, tick: Tick) -> None:
     """Try the policies of all rounds that are kept and were not tried yet.
 
     Raises:
@@ -39,7 +41,7 @@ def try_all(stage: Stage, subject: Subject, register: Register, tick: Tick) -> N
         def on_share(share: float, done: int = done) -> None:
             tick((done + share) / len(untried))
 
-        register.keep_trials(taught, try_out(stage, subject, fresh, on_share))
+        register.keep_trials(taught, evaluate_policy(stage, subject, fresh, on_share))
 
 
 class _Watched:
@@ -59,6 +61,6 @@ class _Watched:
         """The learner's doubt."""
         return self._learner.doubt(seen)
 
-    def train(self, episodes: Sequence[TrainingRows], progress: Progress = nobody) -> float:
+    def train(self, episodes: Sequence[TrainingRows], progress: Progress = no_progress) -> float:
         """As the learner."""
         return self._learner.train(episodes, progress)

@@ -50,7 +50,7 @@ BUTTONS = {
 }
 
 
-class Wizard:
+class WheelCalibration:
     """Calibrates one joystick.
 
     Args:

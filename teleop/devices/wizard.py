@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter_ns, sleep
 
-from steerlab.teleop.devices.calibration import Wizard
+from steerlab.teleop.devices.calibration import WheelCalibration
 from steerlab.teleop.devices.joystick import RawJoystick
 from steerlab.teleop.devices.measuring import WizardConfig
 from steerlab.teleop.devices.profile import this_system
@@ -41,7 +41,9 @@ def run_wizard(
     Raises:
         SteerlabError: the profile cannot be written.
     """
-    wizard = Wizard(joystick.info, system=system or this_system(), name=name, config=config)
+    wizard = WheelCalibration(
+        joystick.info, system=system or this_system(), name=name, config=config
+    )
     keys = {Act.CONFIRM: wizard.confirm, Act.PAUSE: wizard.skip, Act.REDO: wizard.again}
     shown_ns: int | None = None
     while not wizard.finished:

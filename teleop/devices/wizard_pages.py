@@ -3,7 +3,13 @@
 from collections.abc import Sequence
 
 from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.teleop.devices.calibration import BUTTONS, PEDALS, STAGES, Wizard, WizardStage
+from steerlab.teleop.devices.calibration import (
+    BUTTONS,
+    PEDALS,
+    STAGES,
+    WheelCalibration,
+    WizardStage,
+)
 from steerlab.teleop.screen.contract import Page
 
 _SPACE = ("Space", "go on")
@@ -36,7 +42,7 @@ _TEXT: dict[WizardStage, Sequence[str]] = {
 _MOMENTS = ("Press it all the way down", "Release it", "Press it once more", "Release it again")
 
 
-def wizard_page(wizard: Wizard) -> Page:
+def wizard_page(wizard: WheelCalibration) -> Page:
     """The page for where ``wizard`` is now."""
     if wizard.finished:
         return Page(title="The wheel is calibrated", tone="good")
@@ -58,7 +64,7 @@ def wizard_page(wizard: Wizard) -> Page:
     )
 
 
-def _lines(wizard: Wizard) -> Sequence[str]:
+def _lines(wizard: WheelCalibration) -> Sequence[str]:
     if wizard.measuring:
         return ("Measuring. Leave everything alone.",)
     if wizard.stage in PEDALS:
@@ -77,7 +83,7 @@ def _lines(wizard: Wizard) -> Sequence[str]:
     return lines
 
 
-def _keys(wizard: Wizard) -> list[tuple[str, str]]:
+def _keys(wizard: WheelCalibration) -> list[tuple[str, str]]:
     if wizard.measuring:
         return [_STOP]
     keys: list[tuple[str, str]] = [] if wizard.stage in BUTTONS else [_SPACE]
@@ -90,7 +96,7 @@ def _keys(wizard: Wizard) -> list[tuple[str, str]]:
     return [*keys, _OVER, _STOP]
 
 
-def _needle(wizard: Wizard) -> float | None:
+def _needle(wizard: WheelCalibration) -> float | None:
     """The wheel: by the new profile, else by its two ends, else not known."""
     if wizard.checked is not None:
         return wizard.checked.wheel
@@ -103,7 +109,7 @@ def _needle(wizard: Wizard) -> float | None:
     return WHEEL_LIMIT * (2.0 * min(1.0, max(0.0, share)) - 1.0)
 
 
-def _bars(wizard: Wizard) -> list[tuple[str, float | None]]:
+def _bars(wizard: WheelCalibration) -> list[tuple[str, float | None]]:
     """Pedals once they are known, else every raw axis: one sees at once that it moves."""
     profile, checked = wizard.profile, wizard.checked
     if profile is None or checked is None:

@@ -4,14 +4,14 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.records import Gate, LabelledStep
+from steerlab.sim.records import Driver, LabelledStep
 from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.world import WorldSpec
 from steerlab.teleop.devices.contract import DeviceSample
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class DriveFrame:
     """What a display frame shows of a drive.
 
     Attributes:
@@ -21,7 +21,7 @@ class Moment:
 
     pose: Pose2D
     wheel: float
-    gate: Gate
+    gate: Driver
 
 
 class Drive(Protocol):
@@ -65,7 +65,7 @@ class Drive(Protocol):
         """Take the sample as the label of the state at ``step``, and go on to the next state."""
         ...
 
-    def between(self, fraction: float) -> Moment:
+    def between(self, fraction: float) -> DriveFrame:
         """A fraction of the way from the last step to the next.
 
         Before the first step: the start.

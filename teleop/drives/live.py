@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 from steerlab.sim.engine.driving import Driving, DrivingState
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.records import Gate, LabelledStep
+from steerlab.sim.records import Driver, LabelledStep
 from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.world import WorldSpec
 from steerlab.teleop.devices.contract import DeviceSample
-from steerlab.teleop.drives.contract import Moment
+from steerlab.teleop.drives.contract import DriveFrame
 from steerlab.teleop.drives.replay import interpolate
 from steerlab.teleop.drives.who_drives import Command, WhoDrives
 
@@ -46,7 +46,7 @@ class LiveDrive:
         self._participant, self._attempt = "", 0
         self._state = driving.reset(start=self._start)
         self._before = self._state
-        self._command = Command(Gate.ROBOT, 0.0)
+        self._command = Command(Driver.ROBOT, 0.0)
 
     @property
     def name(self) -> str:
@@ -83,7 +83,7 @@ class LiveDrive:
         self._participant, self._attempt = participant, attempt
         self._who.begin()
         self._state = self._before = self._driving.reset(start=self._start)
-        self._command = Command(Gate.ROBOT, 0.0)
+        self._command = Command(Driver.ROBOT, 0.0)
 
     def step(self, step: int, sample: DeviceSample) -> LabelledStep:
         """Label the state, let the car go on by one step; no sleep, no clock.
@@ -109,7 +109,7 @@ class LiveDrive:
             y_m=state.pose.y_m,
             heading_rad=state.pose.heading_rad,
             speed_mps=forward,
-            slip_mps=slip,
+            lateral_speed_mps=slip,
             yaw_rate_radps=yaw_rate,
             acceleration_x_mps2=acceleration_x,
             acceleration_y_mps2=acceleration_y,
@@ -121,7 +121,7 @@ class LiveDrive:
             label_valid=sample.ok and sample.wheel is not None,
         )
 
-    def between(self, fraction: float) -> Moment:
+    def between(self, fraction: float) -> DriveFrame:
         """Between the states before and after the last step, which physics has done already."""
         pose = interpolate(self._before.pose, self._state.pose, fraction)
-        return Moment(pose, self._command.wheel, self._command.gate)
+        return DriveFrame(pose, self._command.wheel, self._command.gate)

@@ -2,11 +2,11 @@
 
 from steerlab.sim.geometry import Pose2D, wrap_angle
 from steerlab.sim.labelling import labelled_step
-from steerlab.sim.records import Gate, LabelledStep
+from steerlab.sim.records import Driver, LabelledStep
 from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.world import WorldSpec
 from steerlab.teleop.devices.contract import DeviceSample
-from steerlab.teleop.drives.contract import Moment
+from steerlab.teleop.drives.contract import DriveFrame
 
 
 class Replay:
@@ -61,13 +61,13 @@ class Replay:
             attempt=self._attempt,
         )
 
-    def between(self, fraction: float) -> Moment:
+    def between(self, fraction: float) -> DriveFrame:
         """Recorded states, interpolated linearly in between; exact at a step."""
         last = max(self._next - 1, 0)
         pose = self._rollout.pose_at(last)
         if fraction > 0.0 and 0 < self._next < self._rollout.steps:
             pose = interpolate(pose, self._rollout.pose_at(self._next), fraction)
-        return Moment(pose, float(self._rollout.robot_wheel[last]), Gate.ROBOT)
+        return DriveFrame(pose, float(self._rollout.robot_wheel[last]), Driver.ROBOT)
 
 
 def interpolate(here: Pose2D, there: Pose2D, fraction: float) -> Pose2D:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.records import Gate
+from steerlab.sim.records import Driver
 from steerlab.sim.vehicle import WHEEL_LIMIT
 from steerlab.teleop.devices.contract import Button, DeviceError, DeviceSample
 
@@ -13,7 +13,7 @@ from steerlab.teleop.devices.contract import Button, DeviceError, DeviceSample
 class Command:
     """What the car gets for one step; without a throttle it cruises."""
 
-    gate: Gate
+    gate: Driver
     wheel: float
     throttle: float | None = None
     brake: float = 0.0
@@ -43,7 +43,7 @@ class RobotDrives:
 
     def command(self, robot_wheel: float, sample: DeviceSample) -> Command:
         """The robot's wheel at cruise speed."""
-        return Command(Gate.ROBOT, robot_wheel)
+        return Command(Driver.ROBOT, robot_wheel)
 
 
 class PersonDrives:
@@ -59,13 +59,13 @@ class PersonDrives:
         """The person's wheel and pedals."""
         wheel = _wheel(sample)
         if not self._pedals:
-            return Command(Gate.TEACHER, wheel)
+            return Command(Driver.TEACHER, wheel)
         if sample.throttle is None or sample.brake is None:
             raise DeviceError(
                 "The person drives with pedals, and the device has none or they are unknown; "
                 "press each once, or drive at cruise speed."
             )
-        return Command(Gate.TEACHER, wheel, sample.throttle, sample.brake)
+        return Command(Driver.TEACHER, wheel, sample.throttle, sample.brake)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,14 +96,14 @@ class Takeover:
 
     def begin(self) -> None:
         """The robot drives first."""
-        self._gate = Gate.ROBOT
+        self._gate = Driver.ROBOT
         self._last: float | None = None
         self._offset, self._left = 0.0, 0.0
 
     def command(self, robot_wheel: float, sample: DeviceSample) -> Command:
         """The wheel of whoever drives, plus what is left of the jump."""
         held = sample.ok and Button.TAKE_OVER in sample.buttons
-        gate = Gate.TEACHER if held else Gate.ROBOT
+        gate = Driver.TEACHER if held else Driver.ROBOT
         target = _wheel(sample) if held else robot_wheel
         if gate is not self._gate and self._last is not None:
             self._offset, self._left = self._last - target, 1.0

@@ -16,11 +16,11 @@ from steerlab.app import fit as fit_module
 from steerlab.app.cli import main
 from steerlab.app.fit import FitConfig
 from steerlab.learning import certainty, cross_validation, training_budget
+from steerlab.learning.baselines import BASELINES
 from steerlab.learning.checkpoint import load_mapper
 from steerlab.learning.cross_validation import cross_validate
 from steerlab.learning.label_file import read_label_columns
 from steerlab.learning.label_table import LabelScale, label_table
-from steerlab.learning.ladder import LADDER
 from steerlab.learning.presets import MapperConfig
 from steerlab.learning.training import TrainingConfig
 from steerlab.learning.training_budget import fit_within_budget
@@ -275,7 +275,7 @@ def test_what_cannot_be_judged_is_said_in_summary_and_report(quick, tmp_path):
     assert _fit(labels, tmp_path / "out", "--folds", "2") == 0
     summary = _summary(tmp_path / "out")
     judged = set(summary.splits["new"].improvement)
-    assert judged | set(summary.left_out) == set(LADDER)
+    assert judged | set(summary.left_out) == set(BASELINES)
     assert set(summary.left_out) == {"no_embedding", "mind_meld_paper", "sim_pretrained_context"}
     page = (tmp_path / "out" / "report" / "index.html").read_text()
     for key, why in summary.left_out.items():
@@ -331,7 +331,7 @@ def test_the_full_ladder_is_the_default(quick, tmp_path, monkeypatch):
     summary = _summary(tmp_path / "out")
     assert summary.left_out == {}
     for split in ("seen", "new"):
-        assert set(summary.splits[split].improvement) == set(LADDER)
+        assert set(summary.splits[split].improvement) == set(BASELINES)
 
 
 def test_two_rollouts_and_two_folds_are_enough(quick, tmp_path):

@@ -4,8 +4,8 @@ import pytest
 
 from steerlab.app.doctor_loop import loop_findings, measure_loop
 from steerlab.app.loop_check import LoopCheck
-from steerlab.teleop.gates import FailedGate, LoopHealth
 from steerlab.teleop.sdl import SdlEvents
+from steerlab.teleop.timing_limits import LoopHealth, TimingViolation
 
 
 def check(*failed, steps=1200, **changes):
@@ -22,7 +22,7 @@ def check(*failed, steps=1200, **changes):
         "input_age_p50_ms": 2.0,
         "input_age_p99_ms": 4.0,
     }
-    gates = tuple(FailedGate(name=name, value=99.0, limit=1.0) for name in failed)
+    gates = tuple(TimingViolation(name=name, value=99.0, limit=1.0) for name in failed)
     return LoopCheck(
         health=LoopHealth(**(health | changes)),
         expected_steps=1200,

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steerlab.learning.ladder import (
+from steerlab.learning.baselines import (
     CEILING,
     NoEmbeddingMapper,
     TrueStyleMapper,
-    build_ladder,
+    fit_baselines,
     left_out,
 )
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
@@ -118,9 +118,9 @@ def streaming(study: StudySplit) -> StreamingMapper:
 def ladder(
     study: StudySplit, trained: MindMeldMapper, streaming: StreamingMapper, people
 ) -> dict[str, LabelMapper]:
-    """Every rung; those that train a network beyond MIND MELD's do so briefly."""
+    """Every baseline; those that train a network beyond MIND MELD's do so briefly."""
     without = left_out([study], trained.config, full=False)
-    rungs = build_ladder(trained, study, seed=5, on_step=lambda share: None, without=without)
+    baselines = fit_baselines(trained, study, seed=5, on_step=lambda share: None, without=without)
     styles = {one.name: one.style for group in people.values() for one in group}
     trained_apart = (
         NoEmbeddingMapper(BRIEF, seed=5),
@@ -130,6 +130,6 @@ def ladder(
     for mapper in trained_apart:
         mapper.fit(study.train_seen)
         mapper.calibrate(study.calibrate_new)
-        rungs[mapper.name] = mapper
-    assert CEILING in rungs
-    return rungs | {streaming.name: streaming}
+        baselines[mapper.name] = mapper
+    assert CEILING in baselines
+    return baselines | {streaming.name: streaming}

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steerlab.learning import training_budget
+from steerlab.learning.baselines import BASELINES
 from steerlab.learning.cross_validation import cross_validate
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.folds import plan_folds
 from steerlab.learning.label_table import GivenSeries, LabelScale, LabelTable
-from steerlab.learning.ladder import LADDER
 from steerlab.learning.presets import LAB, MapperConfig
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.training import TrainingConfig
@@ -253,7 +253,7 @@ def test_every_method_is_judged_or_said_to_be_left_out():
         plan_folds(_shared(5, 4), 2, 0), QUICK, seed=3, progress=_silent, full=False
     )
     for ladder in quick.quality.values():
-        assert set(ladder) == set(LADDER) - set(quick.left_out)
+        assert set(ladder) == set(BASELINES) - set(quick.left_out)
     assert set(quick.left_out) == {"no_embedding", "mind_meld_paper", "sim_pretrained_context"}
 
 

@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from steerlab.learning.baselines import IdentityMapper
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.label_quality import label_quality, mapper_quality
-from steerlab.learning.ladder import IdentityMapper
 from steerlab.learning.series import LabelSeries
 
 ARRAYS = {

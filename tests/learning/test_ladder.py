@@ -1,4 +1,4 @@
-"""Each rung does what its idea says, against an exact oracle where there is one."""
+"""Each baseline does what its idea says, against an exact oracle where there is one."""
 
 from dataclasses import replace
 
@@ -7,12 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steerlab.learning.errors import InvalidLabels, NotFitted, UnknownPerson
-from steerlab.learning.label_quality import mapper_quality
-from steerlab.learning.ladder import (
+from steerlab.learning.baselines import (
+    BASELINES,
     CEILING,
     FULL_ONLY,
-    LADDER,
     LEAST_RATE_HZ,
     IdentityMapper,
     NoEmbeddingMapper,
@@ -23,11 +21,13 @@ from steerlab.learning.ladder import (
     SharedRidgeMapper,
     ShuffledEmbeddingMapper,
     TrueStyleMapper,
-    build_ladder,
+    fit_baselines,
     left_out,
 )
-from steerlab.learning.ladder.gain_lag import DelayGrid
-from steerlab.learning.ladder.ridge import choose_penalty, features, moments
+from steerlab.learning.baselines.gain_lag import DelayGrid
+from steerlab.learning.baselines.ridge import choose_penalty, features, moments
+from steerlab.learning.errors import InvalidLabels, NotFitted, UnknownPerson
+from steerlab.learning.label_quality import mapper_quality
 from steerlab.learning.presets import PAPER
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.splits import StudySplit
@@ -49,7 +49,7 @@ def improvement(mapper, series) -> float:
 
 
 def test_the_keys_are_those_agreed():
-    assert LADDER == (
+    assert BASELINES == (
         "identity", "shared_gain", "person_gain", "person_gain_lag", "shared_ridge",
         "person_ridge", "no_embedding", "mean_embedding", "shuffled_embedding", "mind_meld",
         "mind_meld_paper", "eb_nonlinear", "sim_pretrained", "sim_pretrained_context",
@@ -60,8 +60,8 @@ def test_a_quick_ladder_lacks_what_must_be_trained(trained, study):
     without = left_out([study], trained.config, full=False)
     assert set(without) == {"no_embedding", "mind_meld_paper"}
     told: list[float] = []
-    quick = build_ladder(trained, study, seed=0, on_step=told.append, without=without)
-    assert list(quick) == [name for name in LADDER if name not in FULL_ONLY]
+    quick = fit_baselines(trained, study, seed=0, on_step=told.append, without=without)
+    assert list(quick) == [name for name in BASELINES if name not in FULL_ONLY]
     assert quick["mind_meld"] is trained
     assert told == sorted(told)
     assert told[-1] == 1.0
@@ -72,7 +72,7 @@ def test_a_full_ladder_has_every_rung_in_order_and_tells_its_steps(trained, stud
     small = replace(study, train_seen=study.train_seen[:12], calibrate_new=study.calibrate_new[:6])
     told: list[float] = []
     styles = {one.name: one.style for group in people.values() for one in group}
-    full = build_ladder(
+    full = fit_baselines(
         trained,
         small,
         seed=0,
@@ -80,7 +80,7 @@ def test_a_full_ladder_has_every_rung_in_order_and_tells_its_steps(trained, stud
         without=left_out([small], trained.config, full=True, styles_known=True),
         styles=styles,
     )
-    assert list(full) == [*LADDER, CEILING]
+    assert list(full) == [*BASELINES, CEILING]
     assert all(full[name].name == name for name in full)
     assert told == sorted(told)
     assert len(told) > len(full)  # epochs are told too

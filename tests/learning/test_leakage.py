@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from steerlab.learning import mapper as mapper_module
-from steerlab.learning.ladder import FULL_ONLY, build_ladder
+from steerlab.learning.baselines import FULL_ONLY, fit_baselines
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.splits import StudySplit, split_rollouts, split_study
 
@@ -54,9 +54,9 @@ def test_held_out_labels_change_no_rung(study, marked, trained):
         pass
 
     first, second = (
-        build_ladder(trained, parts, seed=0, on_step=silent, without=FULL_ONLY)
+        fit_baselines(trained, parts, seed=0, on_step=silent, without=FULL_ONLY)
         for parts in (study, marked)
     )
-    for name, rung in first.items():
+    for name, baseline in first.items():
         for one in (study.held_out_seen[0], study.held_out_new[0]):
-            np.testing.assert_array_equal(rung.map(one), second[name].map(one), err_msg=name)
+            np.testing.assert_array_equal(baseline.map(one), second[name].map(one), err_msg=name)

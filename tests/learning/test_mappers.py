@@ -6,20 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steerlab.learning.errors import NotFitted, UnknownPerson
-from steerlab.learning.label_quality import label_quality, mapper_quality
-from steerlab.learning.ladder import (
+from steerlab.learning.baselines import (
+    BASELINES,
     CEILING,
-    LADDER,
     MeanEmbeddingMapper,
     PersonGainMapper,
 )
+from steerlab.learning.errors import NotFitted, UnknownPerson
+from steerlab.learning.label_quality import label_quality, mapper_quality
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper, stack_embeddings
 from steerlab.learning.probe import StyleProbe, style_parameters
 from steerlab.learning.series import LabelSeries
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
-NAMES = (*LADDER, CEILING, "mind_meld_0.2_s")
+NAMES = (*BASELINES, CEILING, "mind_meld_0.2_s")
 
 
 @pytest.fixture(params=NAMES, name="mapper")
@@ -78,8 +78,8 @@ def test_mind_meld_improves_seen_and_new_people_and_beats_the_ladder(trained, st
         mind_meld = mapper_quality(trained, part, rng())
         assert mind_meld.improvement > least
         assert mind_meld.people_improved > 0.8
-        for rung in (gain, MeanEmbeddingMapper(trained)):
-            assert mind_meld.improvement > mapper_quality(rung, part, rng()).improvement
+        for baseline in (gain, MeanEmbeddingMapper(trained)):
+            assert mind_meld.improvement > mapper_quality(baseline, part, rng()).improvement
 
 
 def test_style_is_recovered(trained, people):

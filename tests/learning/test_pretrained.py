@@ -9,7 +9,7 @@ import torch
 from steerlab.learning.empirical_bayes.grid import RATE_HZ
 from steerlab.learning.errors import InvalidLabels, UnknownPerson
 from steerlab.learning.label_quality import mapper_quality
-from steerlab.learning.pretrained.drive import Drive
+from steerlab.learning.pretrained.drive import PretrainingDrive
 from steerlab.learning.pretrained.fine_tuning import FineTuningConfig
 from steerlab.learning.pretrained.mapper import SimPretrainedMapper
 from steerlab.learning.pretrained.model import Alignment, PretrainedModel, network_inputs
@@ -31,7 +31,7 @@ TINY = PretrainConfig(
 )
 
 
-def waves(rng: np.random.Generator, samples: int = 160) -> Drive:
+def waves(rng: np.random.Generator, samples: int = 160) -> PretrainingDrive:
     t_s = np.arange(samples) / RATE_HZ
     truth = sum(
         rng.normal(0.0, 0.7) * np.sin(rng.uniform(0.5, 4.0) * t_s + rng.uniform(0.0, 6.0))
@@ -39,10 +39,10 @@ def waves(rng: np.random.Generator, samples: int = 160) -> Drive:
     )
     truth = np.clip(truth, -WHEEL_LIMIT, WHEEL_LIMIT)
     motion = np.stack([0.3 * truth, np.full(samples, 5.0), truth], axis=1)
-    return Drive(truth=truth, motion=motion)
+    return PretrainingDrive(truth=truth, motion=motion)
 
 
-def some_drives() -> list[Drive]:
+def some_drives() -> list[PretrainingDrive]:
     rng = np.random.default_rng(4)
     return [waves(rng, samples) for samples in (160, 150, 140, 160, 120, 160)]
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.live_teacher import LiveTeacher, Sitting, softened
+from steerlab.sim.live_teacher import DriveContext, LiveTeacher, softened
 from steerlab.sim.out_of_family import (
     OUT_OF_FAMILY,
     BangBang,
@@ -17,8 +17,8 @@ STEPS = 60
 RNG = np.random.default_rng(0)
 
 
-def _sitting() -> Sitting:
-    return Sitting(name="drive", order=0, attempt=0, steps=STEPS, control_hz=20.0)
+def _sitting() -> DriveContext:
+    return DriveContext(name="drive", order=0, attempt=0, steps=STEPS, control_hz=20.0)
 
 
 def _live(teacher, oracle, style="raw") -> np.ndarray:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from steerlab.sim.records import (
     COLUMNS,
     LABELLED_STEP_SCHEMA,
-    Gate,
+    Driver,
     InvalidRecord,
     LabelledStep,
     row_from_step,
@@ -37,7 +37,7 @@ labelled_steps = st.builds(
     },
     teacher_label=st.none() | finite,
     oracle_label=st.none() | finite,
-    gate=st.sampled_from(Gate),
+    gate=st.sampled_from(Driver),
     label_valid=st.booleans(),
 )
 
@@ -51,7 +51,7 @@ STEP = LabelledStep(
     y_m=-2.0,
     heading_rad=0.1,
     speed_mps=5.0,
-    slip_mps=0.0,
+    lateral_speed_mps=0.0,
     yaw_rate_radps=0.0,
     acceleration_x_mps2=0.0,
     acceleration_y_mps2=0.0,
@@ -59,7 +59,7 @@ STEP = LabelledStep(
     teacher_label=None,
     oracle_label=1.0,
     executed_wheel=0.5,
-    gate=Gate.ROBOT,
+    gate=Driver.ROBOT,
     label_valid=True,
 )
 
@@ -69,7 +69,7 @@ def test_a_row_turns_back_into_its_step(step: LabelledStep):
     row = row_from_step(step)
     assert tuple(row) == COLUMNS
     assert step_from_row(row) == step
-    assert isinstance(step_from_row(row).gate, Gate)
+    assert isinstance(step_from_row(row).gate, Driver)
 
 
 @given(st.lists(labelled_steps, max_size=5))

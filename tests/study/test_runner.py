@@ -24,7 +24,7 @@ from steerlab.study.store.frozen import read_embeddings
 from steerlab.study.store.records import AttemptStatus
 from steerlab.study.store.store import StudyStore
 from steerlab.study.study import Study
-from steerlab.study.teaching.request import Taught
+from steerlab.study.teaching.request import TeachingResult
 from steerlab.teleop.practice import PracticeConfig, PracticeResult
 
 
@@ -155,7 +155,7 @@ class Learner:
 
     def teach(self, request):
         self.asked.append((request.phase.id, request.phase.condition, request.mapper.is_file()))
-        return Taught(finished=len(self.asked) > 1, detail=f"call {len(self.asked)}")
+        return TeachingResult(finished=len(self.asked) > 1, detail=f"call {len(self.asked)}")
 
 
 def test_what_can_be_taught_is_taught_and_the_rest_is_skipped_on_record(study, run_scripted):

@@ -1,7 +1,7 @@
 import pytest
 
-from steerlab.teleop.gates import GateConfig, LoopHealth, failed_gates
 from steerlab.teleop.timing import StepTiming
+from steerlab.teleop.timing_limits import GateConfig, LoopHealth, failed_gates
 
 MS = 1_000_000
 

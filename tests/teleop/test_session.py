@@ -10,7 +10,7 @@ from steerlab.sim.errors import SteerlabError
 from steerlab.teleop.devices.contract import Button, DeviceInfo, DeviceSample, InputKind
 from steerlab.teleop.drives.replay import Replay
 from steerlab.teleop.screen.contract import Act
-from steerlab.teleop.session import Session, SessionConfig, SessionEnd
+from steerlab.teleop.session import DriveSession, SessionConfig, SessionEnd
 
 MS = 1_000_000
 
@@ -90,7 +90,7 @@ class Lab:
         return self.sample
 
     def session(self, **settings):
-        return Session(
+        return DriveSession(
             screen=self,
             device=self,
             poll=lambda: None,

@@ -16,7 +16,7 @@ from before_screen import sit_before  # pyright: ignore[reportMissingImports]
 
 from steerlab.app.cli import main
 from steerlab.sim.geometry import bearing_rad
-from steerlab.study import sitting
+from steerlab.study import calibration_session as sitting
 from steerlab.teleop import sdl
 from steerlab.teleop.devices.virtual import VirtualJoystick
 from steerlab.teleop.screen.drive_screen import DriveScreen

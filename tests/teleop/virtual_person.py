@@ -21,7 +21,7 @@ from steerlab.app import loop_check
 from steerlab.app.cli import main
 from steerlab.sim.geometry import bearing_rad
 from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.study import sitting
+from steerlab.study import calibration_session as sitting
 from steerlab.teleop.devices.contract import DeviceError
 from steerlab.teleop.devices.profile_folder import save_profile
 from steerlab.teleop.devices.virtual import VirtualJoystick

@@ -25,9 +25,9 @@ from steerlab.sim.errors import NoPath
 from steerlab.sim.ground_truth import Planner
 from steerlab.sim.tasks import make_task
 from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.study.teaching import classroom
+from steerlab.study.teaching import run_teaching as classroom
+from steerlab.study.teaching.human_interface import HumanInterface
 from steerlab.study.teaching.robot import Robot
-from steerlab.study.teaching.window_host import WindowHost
 from steerlab.teleop.devices.contract import Button, DeviceError
 from steerlab.teleop.devices.profile_folder import save_profile
 from steerlab.teleop.sdl import pygame
@@ -110,7 +110,7 @@ def run(folder: Path, plan: dict, arguments: list[str]) -> int:
     sit_before(person, classroom)
     if plan.get("short"):
         classroom.make_task = short_task
-    hosts, robots = _kept(WindowHost), _kept(Robot)
+    hosts, robots = _kept(HumanInterface), _kept(Robot)
     code = main(arguments)
     decided = [ns for robot in robots for ns in robot.decision_ns] or [0]
     measured = {

@@ -15,12 +15,12 @@ import pytest
 import uvicorn
 
 from steerlab.app.console.app import make_app
-from steerlab.app.console.checkup import Checkup
-from steerlab.app.console.desk import Desk
+from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.forms import csrf_token
-from steerlab.app.console.guesses import Guesses
-from steerlab.app.console.live import Changes
+from steerlab.app.console.login_throttle import LoginThrottle
 from steerlab.app.console.sign_in import SignIn
+from steerlab.app.console.study_check_job import StudyCheckJob
+from steerlab.app.console.study_thread import StudyThread
 from steerlab.app.console.wheel_run import WheelRuns
 from steerlab.study.contract import Role
 
@@ -79,7 +79,7 @@ class Lab:
     study: Any
     client: TestClient
     runs: WheelRuns
-    changes: Changes
+    changes: ChangeFeed
     links: list[str] = field(default_factory=list)  # one-time sign-in tokens, as announced
     clock: list[float] = field(default_factory=lambda: [0.0])
 
@@ -116,12 +116,12 @@ class Lab:
 def lab(tmp_path):
     study = fake_study.FakeStudy()
     links, clock = [], [0.0]
-    desk = Desk(lambda: nullcontext(study))
+    desk = StudyThread(lambda: nullcontext(study))
     script = tmp_path / "fake_run.py"
     script.write_text(FAKE_RUN)
     runs = WheelRuns(tmp_path, command=(sys.executable, str(script)))
-    checkup = Checkup(lambda: nullcontext(study))
-    changes = Changes(desk, runs.mark, checkup.mark)
+    checkup = StudyCheckJob(lambda: nullcontext(study))
+    changes = ChangeFeed(desk, runs.mark, checkup.mark)
     sign_in = SignIn(announce=links.append, clock=lambda: clock[0])
     sign_in.announce_link()
     app = make_app(
@@ -131,7 +131,7 @@ def lab(tmp_path):
         sign_in,
         origins=(ORIGIN, "http://localhost:8765"),
         address=ORIGIN,
-        guesses=Guesses(clock=lambda: clock[0]),
+        guesses=LoginThrottle(clock=lambda: clock[0]),
         changes=changes,
     )
     client = TestClient(app, base_url=ORIGIN, follow_redirects=False, raise_server_exceptions=False)
@@ -153,10 +153,10 @@ def _serving(open_study, folder, command=()):
     links: list[str] = []
     listening = socket.create_server(("127.0.0.1", 0))
     address = f"http://127.0.0.1:{listening.getsockname()[1]}"
-    desk = Desk(open_study)
+    desk = StudyThread(open_study)
     runs = WheelRuns(folder, command=command)
-    checkup = Checkup(open_study)
-    changes = Changes(desk, runs.mark, checkup.mark)
+    checkup = StudyCheckJob(open_study)
+    changes = ChangeFeed(desk, runs.mark, checkup.mark)
     sign_in = SignIn(announce=links.append)
     sign_in.announce_link()
     app = make_app(

@@ -5,13 +5,13 @@ from dataclasses import replace
 from hashlib import sha256
 
 from steerlab.study.contract import (
-    Finding,
     ParticipantView,
     Phase,
     PhaseKind,
     PhaseState,
     Role,
     Standing,
+    StudyCheck,
     StudyError,
 )
 from steerlab.study.surveys.questionnaire_file import shipped_questionnaires
@@ -73,9 +73,9 @@ class FakeStudy:
         self.changes = 0
         self.consent_version = 1
         self.found = [
-            Finding(what="Audit log", found="chain of 214 entries is whole", ok=True),
-            Finding(what="P02", found="not finished yet: 3 left", ok=True, notice=True),
-            Finding(
+            StudyCheck(what="Audit log", found="chain of 214 entries is whole", ok=True),
+            StudyCheck(what="P02", found="not finished yet: 3 left", ok=True, notice=True),
+            StudyCheck(
                 what="Disk", found="1.2 GB free", ok=False, mend="Free 2 GB before the next drive."
             ),
         ]

@@ -13,13 +13,13 @@ from importlib.resources import files
 import pytest
 
 from steerlab.app.console import texts
+from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.config import ConsoleConfig
-from steerlab.app.console.desk import Desk
-from steerlab.app.console.guesses import MOST_ADDRESSES, Guesses
-from steerlab.app.console.live import Changes
-from steerlab.app.console.next_steps import Act, next_step, step_of
+from steerlab.app.console.login_throttle import MOST_ADDRESSES, LoginThrottle
+from steerlab.app.console.next_steps import NextAction, next_step, step_of
 from steerlab.app.console.server import _address_option, _bind
 from steerlab.app.console.sign_in import SignIn
+from steerlab.app.console.study_thread import StudyThread
 from steerlab.app.console.wheel_run import LAST_LINES, RunView, WheelRuns
 from steerlab.sim.errors import InvalidConfig
 from steerlab.study.contract import Phase, PhaseKind, PhaseState, Role, StudyError
@@ -167,12 +167,30 @@ def _run(participant, phase, code=None):
 @pytest.mark.parametrize(
     ("at", "state", "run", "act", "text"),
     [
-        ("pre", PhaseState.STARTED, None, Act.NONE, "is on the participant’s page"),
-        ("practice", PhaseState.WAITING, None, Act.START, "ask the participant to the wheel"),
-        ("practice", PhaseState.STARTED, None, Act.RESUME, "was begun and is not finished"),
-        ("practice", PhaseState.STARTED, _run("P01", "practice"), Act.NONE, "is running"),
-        ("practice", PhaseState.STARTED, _run("P01", "practice", 1), Act.RESUME, "was begun"),
-        ("practice", PhaseState.WAITING, _run("P09", "practice"), Act.NONE, "P09 is at the wheel"),
+        ("pre", PhaseState.STARTED, None, NextAction.NONE, "is on the participant’s page"),
+        (
+            "practice",
+            PhaseState.WAITING,
+            None,
+            NextAction.START,
+            "ask the participant to the wheel",
+        ),
+        ("practice", PhaseState.STARTED, None, NextAction.RESUME, "was begun and is not finished"),
+        ("practice", PhaseState.STARTED, _run("P01", "practice"), NextAction.NONE, "is running"),
+        (
+            "practice",
+            PhaseState.STARTED,
+            _run("P01", "practice", 1),
+            NextAction.RESUME,
+            "was begun",
+        ),
+        (
+            "practice",
+            PhaseState.WAITING,
+            _run("P09", "practice"),
+            NextAction.NONE,
+            "P09 is at the wheel",
+        ),
     ],
 )
 def test_what_to_do_next(lab, at, state, run, act, text):
@@ -181,7 +199,7 @@ def test_what_to_do_next(lab, at, state, run, act, text):
     step = next_step(lab.study.participant(who), run)
     assert step.act is act
     assert text in step.text
-    assert (step.phase is None) == (act is Act.NONE)
+    assert (step.phase is None) == (act is NextAction.NONE)
 
 
 def test_a_skipped_phase_is_over(lab):
@@ -197,13 +215,13 @@ def test_a_skipped_phase_is_over(lab):
 def test_what_the_computer_does_alone_is_said_so(lab):
     lab.study.way = (Phase(id="w", kind=PhaseKind.CALIBRATE_W, title="Style"),)
     step = next_step(lab.study.enrol(Role.TEST), None)
-    assert step.act is Act.START
+    assert step.act is NextAction.START
     assert "alone" in step.text
 
 
 def test_the_longest_unseen_address_is_forgotten_first():
     now = [0.0]
-    guesses = Guesses(clock=lambda: now[0])
+    guesses = LoginThrottle(clock=lambda: now[0])
     for _ in range(20):
         guesses.wrong("old")
     assert guesses.wait_s("old") == 60
@@ -217,13 +235,13 @@ def test_a_study_that_cannot_be_opened_says_so_and_leaves_no_thread():
         raise StudyError("The study is of a newer version.")
 
     with pytest.raises(StudyError, match="newer version"):
-        Desk(refuse)
+        StudyThread(refuse)
 
 
 def test_streams_say_what_changed_and_end_with_the_console(lab):
     async def listen():
-        desk = Desk(lambda: nullcontext(lab.study))
-        changes = Changes(desk, lab.runs.mark)
+        desk = StudyThread(lambda: nullcontext(lab.study))
+        changes = ChangeFeed(desk, lab.runs.mark)
 
         async def key():
             return changes.version

@@ -4,25 +4,25 @@ import numpy as np
 import pytest
 
 from steerlab.learning.agents import LEARNERS, Episode, PolicyLearner, make_agent
-from steerlab.learning.agents.catalogue import PLAIN, rung_of
+from steerlab.learning.agents.catalogue import PLAIN, baseline_of
 from steerlab.learning.agents.coaching import CoachedLabels
 from steerlab.learning.agents.common import EveryLabel, WhereTeacherDrives
 from steerlab.learning.agents.confidence import DemonstrationsAndCorrections
-from steerlab.learning.agents.contract import Moment, Targets
+from steerlab.learning.agents.contract import GateInput, Targets
 from steerlab.learning.agents.dagger import BetaMixture
 from steerlab.learning.agents.eil import BAD_DECISIONS, MARGIN, InterventionLabels
 from steerlab.learning.agents.ensemble_dagger import DoubtGate
 from steerlab.learning.agents.hg_dagger import LEAST_HELD, RiskGate
 from steerlab.learning.agents.mind_meld import MappedLabels, feedback_series
 from steerlab.learning.agents.novelty import Novelty
-from steerlab.learning.agents.oracle import OracleLabels
+from steerlab.learning.agents.oracle import OracleLabelRule
 from steerlab.learning.agents.safety import SafetyModel
 from steerlab.learning.agents.shiv import NovelLabels
-from steerlab.learning.ladder import IdentityMapper
+from steerlab.learning.baselines import IdentityMapper
 from steerlab.learning.policy import IMAGE_SHAPE, Observations
 from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingRows
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.records import Gate as Driver
+from steerlab.sim.records import Driver
 
 DECISIONS = 30
 
@@ -71,8 +71,8 @@ def make_episode(make_rollout):
     return make
 
 
-def _moment(held=Driver.ROBOT, learner=0.0, teacher=0.0, oracle=0.0, doubt=0.0) -> Moment:
-    return Moment(0, held, learner, teacher, oracle, doubt)
+def _moment(held=Driver.ROBOT, learner=0.0, teacher=0.0, oracle=0.0, doubt=0.0) -> GateInput:
+    return GateInput(0, held, learner, teacher, oracle, doubt)
 
 
 def _takeover() -> np.ndarray:
@@ -81,7 +81,7 @@ def _takeover() -> np.ndarray:
     return taught
 
 
-@pytest.mark.parametrize("name", [name for name in LEARNERS if rung_of(name) is None])
+@pytest.mark.parametrize("name", [name for name in LEARNERS if baseline_of(name) is None])
 def test_every_plain_learner_keeps_the_contract(name, make_episode):
     agent = make_agent(name, {})
     episode = make_episode(taught=_takeover())
@@ -140,7 +140,7 @@ def test_beta_falls_with_the_rounds():
 def test_the_oracle_leaves_out_where_there_is_no_way(make_episode):
     episode = make_episode()
     episode.rollout.oracle_label[:10] = np.nan
-    found = OracleLabels().target(episode, Doubting(None))
+    found = OracleLabelRule().target(episode, Doubting(None))
     assert (found.weight == np.r_[np.zeros(5), np.ones(DECISIONS - 5)]).all()
 
 
@@ -251,9 +251,9 @@ def test_safe_dagger_asks_less_of_what_it_can_do(make_episode):
 
 
 def test_mind_meld_maps_with_w_and_its_control_without():
-    assert rung_of("mind-meld") == "mind_meld"
-    assert rung_of("mind-meld-mean") == "mean_embedding"
-    assert rung_of("mapped:person_ridge") == "person_ridge"
+    assert baseline_of("mind-meld") == "mind_meld"
+    assert baseline_of("mind-meld-mean") == "mean_embedding"
+    assert baseline_of("mapped:person_ridge") == "person_ridge"
     identity = IdentityMapper()
     assert isinstance(make_agent("mind-meld", {"mind_meld": identity}).rule, MappedLabels)
 

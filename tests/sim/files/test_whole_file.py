@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from steerlab.sim.files import whole_file as files
-from steerlab.sim.files.whole_file import put, sync_folder, whole_file
+from steerlab.sim.files.whole_file import rename_durably, sync_folder, whole_file
 
 
 def test_a_file_appears_whole_and_replaces_its_older_self(tmp_path):
@@ -69,7 +69,7 @@ def test_the_content_is_on_the_disk_before_the_name_and_the_name_before_it_retur
 
     monkeypatch.setattr(files.os, "fsync", fsync)
     (tmp_path / "part").write_text("x")
-    put(tmp_path / "part", tmp_path / "a")
+    rename_durably(tmp_path / "part", tmp_path / "a")
     assert synced == [("file", False), ("folder", True)]
 
 
@@ -80,7 +80,7 @@ def test_what_is_flushed_may_be_written_as_windows_wants_it(tmp_path, monkeypatc
 
     monkeypatch.setattr(files.os, "fsync", fsync)
     (tmp_path / "part").write_text("x")
-    put(tmp_path / "part", tmp_path / "a")
+    rename_durably(tmp_path / "part", tmp_path / "a")
 
 
 def test_a_folder_that_no_system_call_opens_is_left_alone(tmp_path, monkeypatch):

@@ -16,8 +16,8 @@ from steerlab.study.store.connection import StoreConnection
 from steerlab.study.store.records import AttemptStatus
 from steerlab.study.store.schema import StoreError, connect
 from steerlab.study.store.store import StudyStore
-from steerlab.teleop.gates import FailedGate
 from steerlab.teleop.loop import DriveEnd, NullClock, run_drive
+from steerlab.teleop.timing_limits import TimingViolation
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def reopened(study):
 
 
 def test_a_session_is_kept_whole(record, drive, drive_steps, timing_of, study, info):
-    failed = [FailedGate(name="lateness_p99_ms", value=2.5, limit=2.0)]
+    failed = [TimingViolation(name="lateness_p99_ms", value=2.5, limit=2.0)]
     with record() as recorder:
         sink = recorder.begin(drive)
         drive_steps(sink, drive, last=5)

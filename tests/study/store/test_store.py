@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import (
     LABELLED_STEP_SCHEMA,
-    Gate,
+    Driver,
     InvalidRecord,
     LabelledStep,
     step_from_row,
@@ -47,7 +47,7 @@ def step_of(attempt: Attempt, step: int, **changes: object) -> LabelledStep:
         y_m=0.0,
         heading_rad=0.0,
         speed_mps=5.0,
-        slip_mps=0.0,
+        lateral_speed_mps=0.0,
         yaw_rate_radps=0.0,
         acceleration_x_mps2=0.0,
         acceleration_y_mps2=0.0,
@@ -55,7 +55,7 @@ def step_of(attempt: Attempt, step: int, **changes: object) -> LabelledStep:
         teacher_label=0.5,
         oracle_label=0.75,
         executed_wheel=0.25,
-        gate=Gate.ROBOT,
+        gate=Driver.ROBOT,
         label_valid=True,
     )
     return replace(plain, **changes)
@@ -84,7 +84,7 @@ names = st.text(min_size=1, max_size=10).filter(lambda text: text.isprintable() 
 @given(
     people=st.lists(names, min_size=1, max_size=3, unique=True),
     values=st.lists(st.tuples(finite, st.none() | finite, st.none() | finite), min_size=1),
-    gate=st.sampled_from(Gate),
+    gate=st.sampled_from(Driver),
     valid=st.booleans(),
 )
 @settings(max_examples=30, deadline=None)
@@ -92,7 +92,7 @@ def test_steps_come_back_exactly_and_in_order(
     tmp_path_factory: pytest.TempPathFactory,
     people: list[str],
     values: list[tuple[float, float | None, float | None]],
-    gate: Gate,
+    gate: Driver,
     valid: bool,
 ):
     path = tmp_path_factory.mktemp("study") / "study.db"

@@ -32,7 +32,7 @@ while True:
     for step in range(50):
         store.append(LabelledStep(
             participant="P01", rollout="r0", attempt=attempt.attempt, step=step, t_s=step / 10,
-            x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=0.0, slip_mps=0.0, yaw_rate_radps=0.0,
+            x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=0.0, lateral_speed_mps=0.0, yaw_rate_radps=0.0,
             acceleration_x_mps2=0.0, acceleration_y_mps2=0.0, robot_wheel=0.0,
             teacher_label=float(step), oracle_label=None, executed_wheel=0.0, gate=Gate.ROBOT,
             label_valid=True,

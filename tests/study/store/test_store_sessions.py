@@ -9,23 +9,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.records import Gate, InvalidRecord, LabelledStep
+from steerlab.sim.records import Driver, InvalidRecord, LabelledStep
 from steerlab.sim.world import WorldSpec
 from steerlab.study.store.events import TIMING_SCHEMA, Event, Flag
 from steerlab.study.store.records import StoredRollout
 from steerlab.study.store.schema import StoreError, connect
-from steerlab.study.store.sessions import Session
+from steerlab.study.store.sessions import SessionRecord
 from steerlab.study.store.store import StudyStore
 
 WORLD = WorldSpec(name="w", ball_xy_m=(9.0, 0.0), start=Pose2D(-9.0, 0.0, 0.0))
 LIVE = StoredRollout(name="live", world=WORLD, control_hz=20.0, seed=None, steps=None)
 STEP = LabelledStep(
     participant="P01", rollout="live", attempt=0, step=0, t_s=0.0, x_m=0.0, y_m=0.0,
-    heading_rad=0.0, speed_mps=5.0, slip_mps=0.0, yaw_rate_radps=0.0, acceleration_x_mps2=0.0,
+    heading_rad=0.0, speed_mps=5.0, lateral_speed_mps=0.0, yaw_rate_radps=0.0, acceleration_x_mps2=0.0,
     acceleration_y_mps2=0.0, robot_wheel=0.0, teacher_label=0.5, oracle_label=None,
-    executed_wheel=0.0, gate=Gate.TEACHER, label_valid=True,
+    executed_wheel=0.0, gate=Driver.TEACHER, label_valid=True,
 )  # fmt: skip
-SESSION = Session(
+SESSION = SessionRecord(
     id="P01-1",
     participant="P01",
     started_utc="2026-01-02T03:04:05+00:00",

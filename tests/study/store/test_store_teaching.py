@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.records import Gate, InvalidRecord, LabelledStep
+from steerlab.sim.records import Driver, InvalidRecord, LabelledStep
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.world import WorldSpec
 from steerlab.study.store import schema as store_schema
@@ -97,7 +97,7 @@ def store(tmp_path):
 def a_step(participant: str, step: int) -> LabelledStep:
     numbers = dict.fromkeys(
         (
-            *("x_m", "y_m", "heading_rad", "speed_mps", "slip_mps", "yaw_rate_radps"),
+            *("x_m", "y_m", "heading_rad", "speed_mps", "lateral_speed_mps", "yaw_rate_radps"),
             *("acceleration_x_mps2", "acceleration_y_mps2", "robot_wheel", "executed_wheel"),
         ),
         0.0,
@@ -110,7 +110,7 @@ def a_step(participant: str, step: int) -> LabelledStep:
         t_s=step / 20.0,
         teacher_label=0.5,
         oracle_label=None,
-        gate=Gate.ROBOT,
+        gate=Driver.ROBOT,
         label_valid=True,
         **numbers,
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.records import Gate, LabelledStep, step_from_row
+from steerlab.sim.records import Driver, LabelledStep, step_from_row
 from steerlab.sim.world import WorldSpec
 from steerlab.study.store import schema as store_schema
 from steerlab.study.store.events import TIMING_SCHEMA
@@ -37,7 +37,7 @@ CREATE TABLE attempts (
 CREATE TABLE steps (
     participant TEXT NOT NULL, rollout TEXT NOT NULL, attempt INTEGER NOT NULL,
     step INTEGER NOT NULL, t_s REAL NOT NULL, x_m REAL NOT NULL, y_m REAL NOT NULL,
-    heading_rad REAL NOT NULL, speed_mps REAL NOT NULL, slip_mps REAL NOT NULL,
+    heading_rad REAL NOT NULL, speed_mps REAL NOT NULL, lateral_speed_mps REAL NOT NULL,
     yaw_rate_radps REAL NOT NULL, acceleration_x_mps2 REAL NOT NULL,
     acceleration_y_mps2 REAL NOT NULL, robot_wheel REAL NOT NULL, teacher_label REAL,
     oracle_label REAL, executed_wheel REAL NOT NULL, gate TEXT NOT NULL,
@@ -75,9 +75,9 @@ WORLD = WorldSpec(name="w", ball_xy_m=(9.0, 0.0), start=Pose2D(-9.0, 0.0, 0.0))
 ROLLOUT = StoredRollout(name="r0", world=WORLD, control_hz=20.0, seed=3, steps=2)
 STEP = LabelledStep(
     participant="P01", rollout="r0", attempt=0, step=0, t_s=0.0, x_m=1 / 3, y_m=0.0,
-    heading_rad=0.0, speed_mps=5.0, slip_mps=0.0, yaw_rate_radps=0.0, acceleration_x_mps2=0.0,
+    heading_rad=0.0, speed_mps=5.0, lateral_speed_mps=0.0, yaw_rate_radps=0.0, acceleration_x_mps2=0.0,
     acceleration_y_mps2=0.0, robot_wheel=0.25, teacher_label=None, oracle_label=0.75,
-    executed_wheel=0.25, gate=Gate.ROBOT, label_valid=False,
+    executed_wheel=0.25, gate=Driver.ROBOT, label_valid=False,
 )  # fmt: skip
 STEPS = [STEP, replace(STEP, step=1, teacher_label=0.5, label_valid=True)]
 CUT_OFF = replace(STEP, attempt=1)

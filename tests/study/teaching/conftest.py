@@ -19,8 +19,8 @@ from steerlab.study.runner import RunConfig
 from steerlab.study.scripted import ScriptedParticipant
 from steerlab.study.store.store import StudyStore
 from steerlab.study.study import Study
-from steerlab.study.teaching import classroom
-from steerlab.study.teaching.request import Taught, TeachRequest
+from steerlab.study.teaching import run_teaching as classroom
+from steerlab.study.teaching.request import TeachingResult, TeachRequest
 from steerlab.study.teaching.study_teaching import StudyTeaching
 
 CHANGES = (
@@ -99,10 +99,12 @@ def store(folder: Path):
 
 
 @pytest.fixture
-def teach(folder: Path, script: ScriptedParticipant) -> Callable[..., Taught]:
+def teach(folder: Path, script: ScriptedParticipant) -> Callable[..., TeachingResult]:
     """``teach(condition, device=, rounds=, participant=)``: P001 teaches it as phase teach-1."""
 
-    def teach(condition: str, *, rounds: int = 1, participant: str = "P001", **more) -> Taught:
+    def teach(
+        condition: str, *, rounds: int = 1, participant: str = "P001", **more
+    ) -> TeachingResult:
         with asked(folder, script, condition, rounds, participant, **more) as request:
             return StudyTeaching().teach(request)
 

@@ -12,14 +12,14 @@ import pytest
 
 from steerlab.learning.agents import catalogue, hg_dagger
 from steerlab.learning.agents.learner import PolicyLearner
-from steerlab.learning.agents.stage import Stage
+from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.agents.teaching import BallNeverReached
 from steerlab.learning.checkpoint import load_mapper
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.policy_training import TrainingDiverged
 from steerlab.learning.series import LabelSeries
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.records import Gate, table_from_steps
+from steerlab.sim.records import Driver, table_from_steps
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.tasks import NAMED_TASKS
 from steerlab.study.contract import PhaseKind, PhaseState, StudyError
@@ -35,13 +35,14 @@ from steerlab.study.store.teaching import (
     read_tried,
 )
 from steerlab.study.study import Study
-from steerlab.study.teaching import classroom, conditions, driver, plan, register
-from steerlab.study.teaching.conditions import TAUGHT, Hands
-from steerlab.study.teaching.episodes import episode_of, see_again
+from steerlab.study.teaching import conditions, driver, plan, register
+from steerlab.study.teaching import run_teaching as classroom
+from steerlab.study.teaching.conditions import TAUGHT, TeacherAction
+from steerlab.study.teaching.episodes import episode_of, rerender_observations
 from steerlab.study.teaching.errors import TeachingError
-from steerlab.study.teaching.lesson import make_lesson
+from steerlab.study.teaching.live_scripted_device import LiveScriptedDevice
 from steerlab.study.teaching.robot import Robot
-from steerlab.study.teaching.scripted_hand import ScriptedHand
+from steerlab.study.teaching.round_drive import make_lesson
 from steerlab.study.teaching.study_teaching import all_teachings
 from steerlab.teleop.devices.contract import DeviceError, DeviceInfo, DeviceSample, InputKind
 from steerlab.teleop.devices.trace import TraceDevice
@@ -152,7 +153,7 @@ def test_dagger_learns_the_labels_as_they_are_and_bc_drives_itself(teach, store,
     steps = store.steps(attempt)
     label = steps["teacher_label"].to_numpy()
     np.testing.assert_array_equal(read_targets(store.connection, taught).target, label[::2])
-    assert set(steps["gate"].to_pylist()) == {Gate.ROBOT.value}
+    assert set(steps["gate"].to_pylist()) == {Driver.ROBOT.value}
     assert taught.teacher_s == pytest.approx(len(label[::2]) / 10.0)
 
 
@@ -169,9 +170,9 @@ def test_everything_a_protocol_may_name_can_be_taught(teach, store, short_world,
     }
     assert gates[first.rollout] == {"teacher"}
     hands = TAUGHT[condition].hands
-    if hands is Hands.DRIVE:
+    if hands is TeacherAction.DRIVE:
         assert gates[taught.rollout] == {"teacher"}
-    elif hands is Hands.LABEL:
+    elif hands is TeacherAction.LABEL:
         assert gates[taught.rollout] == {"robot"}
 
 
@@ -181,7 +182,7 @@ def test_what_can_be_taught_is_what_there_is():
     assert {name for name in left if not name.startswith("mapped:")} == {"dagger-beta"}
     assert CONDITIONS[:3] == ("mind_meld", "bc", "dagger")
     assert plan.TASKS == NAMED_TASKS
-    assert set(conditions._BEFORE) == set(conditions._DURING) == set(Hands)
+    assert set(conditions._BEFORE) == set(conditions._DURING) == set(TeacherAction)
 
 
 def test_the_first_drive_is_done_again_until_it_reaches_the_ball(teach, store, short_world):
@@ -213,7 +214,7 @@ def test_a_loss_that_is_no_number_keeps_the_drive_and_the_robot_and_the_round_is
             raise TrainingDiverged("The policy's loss is nan at step 3 of 6.")
         return train(self, episodes, *progress)
 
-    monkeypatch.setattr("steerlab.study.teaching.classroom.warm_up", lambda *them: None)
+    monkeypatch.setattr("steerlab.study.teaching.run_teaching.warm_up", lambda *them: None)
     monkeypatch.setattr(PolicyLearner, "train", diverge)
     with pytest.raises(TeachingError, match=r"Round 1 of P001.*loss is nan.*The drive is kept"):
         teach("dagger")
@@ -262,7 +263,7 @@ def test_a_gate_that_changes_its_mind_leaves_a_person_the_wheel_for_a_second():
         def who_drives(self, moment):
             self.asked += 1
             assert moment.teacher_wheel == 1.0
-            return Gate.TEACHER if self.asked % 2 else Gate.ROBOT
+            return Driver.TEACHER if self.asked % 2 else Driver.ROBOT
 
     gate = Restless()
     who = driver.GateDecides(gate, SimpleNamespace(doubt=0.5), 1, 0)
@@ -270,7 +271,7 @@ def test_a_gate_that_changes_its_mind_leaves_a_person_the_wheel_for_a_second():
         who.begin()
         gates = [who.command(0.0, DeviceSample(wheel=1.0)).gate for _ in range(60)]
         held = [gates[:22], gates[22:24], gates[24:46]]
-        assert [set(part) for part in held] == [{Gate.TEACHER}, {Gate.ROBOT}, {Gate.TEACHER}]
+        assert [set(part) for part in held] == [{Driver.TEACHER}, {Driver.ROBOT}, {Driver.TEACHER}]
         assert gate.asked == 30  # at decisions only
 
 
@@ -284,7 +285,7 @@ def test_what_the_robot_saw_can_be_seen_again_from_its_poses(folder, script, sho
             self.steps = (*self.steps, step)
 
     task = classroom.make_task("easy", noise=0.5)
-    with Stage(task, seed=0) as stage:
+    with TaskEnv(task, seed=0) as stage:
         agent = catalogue.make_agent("dagger", {})
         lesson = make_lesson(
             stage, TAUGHT["dagger"], agent, None, name="one", number=0, attempt=0, seed=1
@@ -292,14 +293,14 @@ def test_what_the_robot_saw_can_be_seen_again_from_its_poses(folder, script, sho
         sink = Sink()
         run_drive(
             lesson.drive,
-            ScriptedHand(script.teacher, lesson),
+            LiveScriptedDevice(script.teacher, lesson),
             participant="P001",
             order=0,
             clock=NullClock(),
             sink=sink,
         )
         table, seen = table_from_steps(sink.steps), lesson.robot.seen
-        again = see_again(stage, table)
+        again = rerender_observations(stage, table)
         np.testing.assert_array_equal(again.image, seen.image)
         np.testing.assert_array_equal(again.motion, seen.motion)
         assert len(np.unique(seen.image, axis=0)) > 20
@@ -319,7 +320,7 @@ from conftest import short_task
 from steerlab.study.runner import RunConfig
 from steerlab.study.scripted import ScriptedParticipant
 from steerlab.study.study import Study
-from steerlab.study.teaching import classroom, register
+from steerlab.study.teaching import run_teaching as classroom, register
 from steerlab.study.teaching.study_teaching import all_teachings
 
 classroom.make_task = short_task
@@ -504,7 +505,7 @@ def test_starts_and_noise_are_the_participants_and_the_same_in_all_conditions():
 
 
 def test_a_robot_asked_twice_about_a_step_decides_once(short_world):
-    with Stage(classroom.make_task("easy", noise=0.0), seed=0) as stage:
+    with TaskEnv(classroom.make_task("easy", noise=0.0), seed=0) as stage:
         robot = Robot(stage, PolicyLearner(3))
         state = stage.driving.state
         assert robot(state) == robot(state)

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from steerlab.learning.agents import PolicyLearner, make_agent
-from steerlab.learning.agents.stage import Stage
+from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.rollout import Outcome
 from steerlab.study.store.store import StudyStore
 from steerlab.study.store.teaching import read_targets, read_taught, read_teaching_rounds
 from steerlab.study.study import Study
-from steerlab.study.teaching import classroom
+from steerlab.study.teaching import run_teaching as classroom
 from steerlab.study.teaching.conditions import FIRST_DURING, TAUGHT
-from steerlab.study.teaching.lesson import make_lesson
-from steerlab.study.teaching.window_host import WindowHost
+from steerlab.study.teaching.human_interface import HumanInterface
+from steerlab.study.teaching.round_drive import make_lesson
 from steerlab.teleop.devices.contract import Button, DeviceInfo, DeviceSample, InputKind
 from steerlab.teleop.screen.contract import Act
 from steerlab.teleop.session import SessionConfig
@@ -79,7 +79,7 @@ class Room:
         return self.sample
 
     def host(self):
-        return WindowHost(
+        return HumanInterface(
             screen=self,
             device=self,
             poll=lambda: None,
@@ -161,7 +161,7 @@ def test_waiting_can_be_stopped_and_nothing_else_is_heard(room):
 
 @pytest.fixture
 def lesson(short_world):
-    with Stage(classroom.make_task("easy", noise=0.0), seed=0) as stage:
+    with TaskEnv(classroom.make_task("easy", noise=0.0), seed=0) as stage:
         agent = make_agent("dagger", {})
         yield make_lesson(
             stage, TAUGHT["dagger"], agent, None, name="one", number=0, attempt=0, seed=1
@@ -236,7 +236,7 @@ def test_a_button_for_redo_on_the_wheel_is_heard_while_it_learns(room):
 
 
 def test_a_take_over_button_must_be_heard_before_the_first_round_of_takeovers(room, short_world):
-    with Stage(classroom.make_task("easy", noise=0.0), seed=0) as stage:
+    with TaskEnv(classroom.make_task("easy", noise=0.0), seed=0) as stage:
         agent, learner = make_agent("hg-dagger", {}), PolicyLearner(0)
         lesson = make_lesson(
             stage, TAUGHT["hg_dagger"], agent, learner, name="one", number=1, attempt=0, seed=1

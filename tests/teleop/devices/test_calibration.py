@@ -5,7 +5,7 @@ import pytest
 
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.teleop.devices.calibration import STAGES, Wizard, WizardStage
+from steerlab.teleop.devices.calibration import STAGES, WheelCalibration, WizardStage
 from steerlab.teleop.devices.contract import Button
 from steerlab.teleop.devices.joystick import JoystickInfo, RawSample
 from steerlab.teleop.devices.measuring import Motion, WizardConfig
@@ -18,7 +18,7 @@ class Hands:
     """Does to a wheel what the wizard asks for; time passes only here."""
 
     def __init__(self, *, known=True, **config):
-        self.wizard = Wizard(INFO, system="linux", config=WizardConfig(**config))
+        self.wizard = WheelCalibration(INFO, system="linux", config=WizardConfig(**config))
         self.axes = [0.0, 0.0, 1.0, 1.0] if known else [None] * 4
         self.buttons = set()
         self.now_ns = 1_000_000_000

@@ -4,7 +4,7 @@ import pytest
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.engine.driving import Driving
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.records import Gate
+from steerlab.sim.records import Driver
 from steerlab.sim.rollout import Outcome
 from steerlab.teleop.devices.contract import Button, DeviceError, DeviceSample
 from steerlab.teleop.drives.live import LiveDrive
@@ -35,7 +35,7 @@ def test_a_replay_is_the_recording_whatever_the_participant_does():
         assert (left.x_m, left.y_m, left.heading_rad) == (right.x_m, right.y_m, right.heading_rad)
         assert left.executed_wheel == right.executed_wheel == left.robot_wheel
         assert (left.teacher_label, right.teacher_label) == (-2.5, 2.5)
-        assert left.gate is Gate.ROBOT
+        assert left.gate is Driver.ROBOT
     np.testing.assert_array_equal([one.robot_wheel for one in steps[0.0]], ROLLOUT.robot_wheel)
 
 
@@ -92,7 +92,7 @@ def test_a_person_drives_with_wheel_and_pedals():
     driven, _ = drive_live(PersonDrives(pedals=True), fast)
     assert stopped[-1].speed_mps < 0.2
     assert driven[-1].speed_mps > 7.0
-    assert {s.gate for s in driven} == {Gate.TEACHER}
+    assert {s.gate for s in driven} == {Driver.TEACHER}
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_taking_over_and_giving_back_never_jerks_the_wheel():
     assert (wheel[:20] == robot).all()
     assert wheel[49] == person
     assert wheel[-1] == robot
-    assert [step.gate is Gate.TEACHER for step in steps] == held
+    assert [step.gate is Driver.TEACHER for step in steps] == held
     assert {step.teacher_label for step in steps} == {person}
 
 
@@ -128,7 +128,7 @@ def test_an_immediate_takeover_and_an_unplugged_wheel():
     gate.begin()
     assert gate.command(1.0, sample(-1.0, Button.TAKE_OVER)).wheel == -1.0  # nothing to go on from
     lost = DeviceSample(wheel=None, buttons=frozenset({Button.TAKE_OVER}), ok=False)
-    assert gate.command(1.0, lost).gate is Gate.ROBOT
+    assert gate.command(1.0, lost).gate is Driver.ROBOT
 
 
 def test_a_live_drive_ends_with_the_worlds_outcome():

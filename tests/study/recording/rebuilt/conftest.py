@@ -7,10 +7,10 @@ import pytest
 
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.labelling import labelled_step
-from steerlab.sim.records import Gate
+from steerlab.sim.records import Driver
 from steerlab.study.store.events import Event, Flag
 from steerlab.study.store.records import StoredRollout
-from steerlab.study.store.sessions import Session
+from steerlab.study.store.sessions import SessionRecord
 from steerlab.study.store.store import StudyStore
 
 STEPS = 30
@@ -33,7 +33,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with StudyStore.create(folder / "study.db") as store:
         for person in ("P01", "P02"):
             store.add_participant(person, "seen")
-            session = Session(
+            session = SessionRecord(
                 id=f"{person}-1",
                 participant=person,
                 started_utc="2026-01-02T03:04:05+00:00",
@@ -51,7 +51,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 for k in range(STEPS):
                     label = None if 5 <= k < 8 else 0.05 * k
                     step = labelled_step(rollout, k, label, participant=person)
-                    gate = Gate.TEACHER if 10 <= k < 20 else Gate.ROBOT
+                    gate = Driver.TEACHER if 10 <= k < 20 else Driver.ROBOT
                     due_ns = 50_000_000 * k
                     times = Times(
                         due_ns, due_ns + 40_000, due_ns + 60_000, 2_000_000 if k else None

@@ -8,13 +8,13 @@ from math import nan
 
 import numpy as np
 
-from steerlab.learning.agents.contract import Moment
-from steerlab.sim.live_teacher import LiveTeacher, Responding, Sitting
-from steerlab.sim.records import Gate as Driver
+from steerlab.learning.agents.contract import GateInput
+from steerlab.sim.live_teacher import DriveContext, LiveTeacher, Responding
+from steerlab.sim.records import Driver
 from steerlab.sim.rollout import Rollout
 from steerlab.sim.tasks import HELD_STEPS
-from steerlab.study.teaching.conditions import Hands
-from steerlab.study.teaching.lesson import Lesson
+from steerlab.study.teaching.conditions import TeacherAction
+from steerlab.study.teaching.round_drive import RoundDrive
 from steerlab.teleop.devices.contract import (
     Button,
     DeviceInfo,
@@ -23,16 +23,18 @@ from steerlab.teleop.devices.contract import (
 )
 
 
-class ScriptedHand:
+class LiveScriptedDevice:
     """A ``Device`` for one lesson.
 
     Who labels does so in the style they correct with, who drives in their softened one. Who may
     take over does when the learner's own gate for scripted people finds it dangerous.
     """
 
-    def __init__(self, teacher: Responding, lesson: Lesson) -> None:
+    def __init__(self, teacher: Responding, lesson: RoundDrive) -> None:
         self._name, self._lesson = teacher.name, lesson
-        self._live = LiveTeacher(teacher, "raw" if lesson.hands is Hands.LABEL else "softened")
+        self._live = LiveTeacher(
+            teacher, "raw" if lesson.hands is TeacherAction.LABEL else "softened"
+        )
         self._last = DeviceSample(wheel=None, ok=False)
         self._held = Driver.ROBOT
 
@@ -48,7 +50,7 @@ class ScriptedHand:
         """A new drive."""
         config = self._lesson.stage.task.driving
         self._live.begin(
-            Sitting(
+            DriveContext(
                 name=self._lesson.drive.name,
                 order=order,
                 attempt=attempt,
@@ -57,7 +59,7 @@ class ScriptedHand:
             )
         )
         self._last, self._held = DeviceSample(wheel=None, ok=False), Driver.ROBOT
-        if self._lesson.hands is Hands.TAKE_OVER:
+        if self._lesson.hands is TeacherAction.TAKE_OVER:
             self._lesson.agent.gate.begin(self._lesson.number, np.random.default_rng(0))
 
     def read(self, step: int | None = None) -> DeviceSample:
@@ -74,11 +76,11 @@ class ScriptedHand:
 
     def _pressed(self, step: int, wheel: float, truth: float) -> frozenset[Button]:
         lesson = self._lesson
-        if lesson.hands is not Hands.TAKE_OVER:
+        if lesson.hands is not TeacherAction.TAKE_OVER:
             return frozenset()
         decision, rest = divmod(step, HELD_STEPS)
         if rest == 0:
             robot = lesson.robot(lesson.stage.driving.state)
-            moment = Moment(decision, self._held, robot, wheel, truth, nan)
+            moment = GateInput(decision, self._held, robot, wheel, truth, nan)
             self._held = lesson.agent.gate.who_drives(moment)
         return frozenset({Button.TAKE_OVER} if self._held is Driver.TEACHER else ())

@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 
 from starlette.responses import StreamingResponse
 
-from steerlab.app.console.desk import Desk
+from steerlab.app.console.study_thread import StudyThread
 from steerlab.sim.errors import SteerlabError
 
 LOOK_EVERY_S = 0.4
@@ -16,10 +16,10 @@ MOST_STREAMS = 200
 _LOG = logging.getLogger(__name__)
 
 
-class Changes:
+class ChangeFeed:
     """Looks at the study's change count, and wakes the streams of open pages."""
 
-    def __init__(self, desk: Desk, *marks: Callable[[], str]) -> None:
+    def __init__(self, desk: StudyThread, *marks: Callable[[], str]) -> None:
         """Follow the study, and whatever else has a mark that differs after each change."""
         self._desk = desk
         self._marks = marks

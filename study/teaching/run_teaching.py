@@ -4,26 +4,26 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from hashlib import sha256
 
-from steerlab.learning.agents.catalogue import make_agent, rung_of
+from steerlab.learning.agents.catalogue import baseline_of, make_agent
 from steerlab.learning.agents.contract import Agent
-from steerlab.learning.agents.stage import Stage
+from steerlab.learning.agents.task_env import TaskEnv
+from steerlab.learning.baselines.other_embedding import MeanEmbeddingMapper
 from steerlab.learning.checkpoint import load_mapper
-from steerlab.learning.ladder.other_embedding import MeanEmbeddingMapper
 from steerlab.learning.mapper import LabelMapper
 from steerlab.sim.tasks import make_task
 from steerlab.study.recording.session_recorder import STUDY_FILE, SessionInfo, SessionRecorder
 from steerlab.study.store.store import StudyStore
 from steerlab.study.teaching.conditions import TAUGHT
-from steerlab.study.teaching.course import Course
 from steerlab.study.teaching.errors import TeachingError
-from steerlab.study.teaching.host import Host
+from steerlab.study.teaching.human_interface import HumanInterface
 from steerlab.study.teaching.learning import warm_up
 from steerlab.study.teaching.pages import preparing_page
-from steerlab.study.teaching.register import Register
 from steerlab.study.teaching.request import TeachRequest
-from steerlab.study.teaching.script_host import ScriptHost
-from steerlab.study.teaching.subject import Subject
-from steerlab.study.teaching.window_host import WindowHost
+from steerlab.study.teaching.scripted_interface import ScriptedInterface
+from steerlab.study.teaching.spec import TeachingSpec
+from steerlab.study.teaching.teacher_interface import TeacherInterface
+from steerlab.study.teaching.teaching_log import TeachingLog
+from steerlab.study.teaching.teaching_loop import TeachingLoop
 from steerlab.teleop.devices.contract import Device, DeviceInfo, InputKind
 from steerlab.teleop.devices.open import open_device
 from steerlab.teleop.latency import input_latency_ms
@@ -49,7 +49,7 @@ def teach(request: TeachRequest) -> tuple[bool, str]:
     if isinstance(device, str) and device.partition(":")[0] in _UNATTENDED:
         device = open_device(device)
     with StudyStore.open(request.folder / STUDY_FILE) as store:
-        register = Register(request.folder, store, request.participant, request.phase.id)
+        register = TeachingLog(request.folder, store, request.participant, request.phase.id)
         role = store.participants()[request.participant]
         if isinstance(device, str):
             finished = room.attended(device, role, register)
@@ -70,13 +70,13 @@ class _Classroom:
         self.rounds = request.protocol.demonstrations
         self._agent, self._mapper_sha256 = _agent(request)
 
-    def unattended(self, device: Device, role: str, register: Register) -> bool:
+    def unattended(self, device: Device, role: str, register: TeachingLog) -> bool:
         """By a script."""
         request = self._request
         device.connect()
         try:
             with self._recorder(role, device.info, None) as recorder:
-                host = ScriptHost(
+                host = ScriptedInterface(
                     device, recorder, request.participant, self.rounds, request.progress
                 )
                 with self._stage() as stage:
@@ -84,7 +84,7 @@ class _Classroom:
         finally:
             device.disconnect()
 
-    def attended(self, spec: str, role: str, register: Register) -> bool:
+    def attended(self, spec: str, role: str, register: TeachingLog) -> bool:
         """By a person before a window."""
         request, protocol = self._request, self._request.protocol
         display = protocol.display
@@ -98,7 +98,7 @@ class _Classroom:
                         screen.enter(stage.task.world)  # measures how fast it can draw
                         screen.show_page(preparing_page())
                         with self._recorder(role, device.info, screen.resolution) as recorder:
-                            host = WindowHost(
+                            host = HumanInterface(
                                 screen=screen,
                                 device=device,
                                 poll=events.poll,
@@ -113,17 +113,19 @@ class _Classroom:
                 device.disconnect()
 
     @contextmanager
-    def _stage(self) -> Iterator[Stage]:
+    def _stage(self) -> Iterator[TaskEnv]:
         plan = self._request.protocol.teaching
         task = make_task(plan.task, noise=plan.noise)
-        with Stage(task, seed=plan.learner_seed) as stage:
+        with TaskEnv(task, seed=plan.learner_seed) as stage:
             warm_up(stage, self._agent)
             yield stage
 
-    def _course(self, stage: Stage, register: Register, host: Host) -> Course:
+    def _course(
+        self, stage: TaskEnv, register: TeachingLog, host: TeacherInterface
+    ) -> TeachingLoop:
         request, plan = self._request, self._request.protocol.teaching
         assert request.phase.condition is not None
-        subject = Subject(
+        subject = TeachingSpec(
             condition=request.phase.condition,
             taught_by=self._taught_by,
             agent=self._agent,
@@ -133,7 +135,7 @@ class _Classroom:
             starts=stage.screened(plan.starts, "judge").starts,
             mapper_sha256=self._mapper_sha256,
         )
-        return Course(subject, stage, register, host)
+        return TeachingLoop(subject, stage, register, host)
 
     def _session(self) -> SessionConfig:
         protocol = self._request.protocol
@@ -202,8 +204,8 @@ def _agent(request: TeachRequest) -> tuple[Agent, str | None]:
     """
     assert request.phase.condition is not None
     learner = TAUGHT[request.phase.condition].learner
-    rung = rung_of(learner)
-    if rung is None:
+    baseline = baseline_of(learner)
+    if baseline is None:
         return make_agent(learner, {}), None
     mapper = load_mapper(request.mapper)
     if request.participant not in mapper.calibrated:

@@ -9,21 +9,21 @@ import numpy as np
 from steerlab.learning.agents.common import WhereTeacherDrives
 from steerlab.learning.agents.contract import Targets
 from steerlab.learning.agents.learner import PolicyLearner
-from steerlab.learning.agents.oracle import OracleLabels
-from steerlab.learning.agents.stage import Stage
+from steerlab.learning.agents.oracle import OracleLabelRule
+from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.agents.teaching import BallNeverReached
 from steerlab.learning.policy_training import TrainingDiverged, TrainingRows
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.tasks import HELD_STEPS
 from steerlab.study.store.teaching import StoredTargets, TaughtRound, Trial
-from steerlab.study.teaching.episodes import episode_of, errors, see_again
+from steerlab.study.teaching.episodes import episode_of, errors, rerender_observations
 from steerlab.study.teaching.errors import TeachingError
-from steerlab.study.teaching.host import Drove, Host, Tick
-from steerlab.study.teaching.learning import learn_again, new_learner
-from steerlab.study.teaching.lesson import Lesson, make_lesson
-from steerlab.study.teaching.register import Register
-from steerlab.study.teaching.subject import Subject
-from steerlab.study.teaching.trials import try_all, try_out
+from steerlab.study.teaching.learning import new_learner, restore_learner
+from steerlab.study.teaching.round_drive import RoundDrive, make_lesson
+from steerlab.study.teaching.spec import TeachingSpec
+from steerlab.study.teaching.teacher_interface import Drove, TeacherInterface, Tick
+from steerlab.study.teaching.teaching_log import TeachingLog
+from steerlab.study.teaching.trials import evaluate_policy, try_all
 from steerlab.teleop.screen.contract import Act
 
 REMEMBERING = "The robot remembers what it was taught"
@@ -42,13 +42,15 @@ class _Learnt:
     trials: list[Trial] = field(default_factory=list)
 
 
-class Course:
+class TeachingLoop:
     """One participant teaches one condition; goes on after whatever round was kept last.
 
     A drive that was finished before a crash, and not learnt from yet, is learnt from first.
     """
 
-    def __init__(self, subject: Subject, stage: Stage, register: Register, host: Host) -> None:
+    def __init__(
+        self, subject: TeachingSpec, stage: TaskEnv, register: TeachingLog, host: TeacherInterface
+    ) -> None:
         self._subject, self._stage = subject, stage
         self._register, self._host = register, host
         self._learner = new_learner(subject.agent, subject.plan, subject.seed)
@@ -71,7 +73,7 @@ class Course:
         return self._host.wait(TRYING, self._try_all)
 
     def _learn_again(self, tick: Tick) -> None:
-        self._collected = learn_again(self._learner, self._register, self._stage, tick)
+        self._collected = restore_learner(self._learner, self._register, self._stage, tick)
 
     def _round(self, number: int) -> bool:
         """Until the round is kept; False to stop."""
@@ -121,7 +123,7 @@ class Course:
             f"participants yet to come a new version of the protocol may have less teaching.noise."
         )
 
-    def _lesson(self, number: int) -> Lesson:
+    def _lesson(self, number: int) -> RoundDrive:
         subject, name = self._subject, self._name(number)
         return make_lesson(
             self._stage,
@@ -141,7 +143,7 @@ class Course:
 
     def _rest(self, number: int, drove: Drove, learnt: _Learnt) -> Act:
         def meanwhile(tick: Tick) -> None:
-            learnt.trials = try_out(self._stage, self._subject, learnt.learner, tick)
+            learnt.trials = evaluate_policy(self._stage, self._subject, learnt.learner, tick)
             self._try_all(tick)
 
         return self._host.rest(
@@ -153,12 +155,12 @@ class Course:
         tick(0.0)
         subject, began_s = self._subject, perf_counter()
         steps = self._register.steps(drove.rollout, drove.attempt)
-        seen = drove.seen or see_again(self._stage, steps)
+        seen = drove.seen or rerender_observations(self._stage, steps)
         episode = episode_of(steps, seen, drove.outcome, self._stage, number)
         rule = subject.agent.rule
         if number == 0:  # what was shown is taken as it is, but for the oracle
             oracle = subject.agent.demonstration_is_oracle
-            rule = OracleLabels() if oracle else WhereTeacherDrives()
+            rule = OracleLabelRule() if oracle else WhereTeacherDrives()
         targets = rule.target(episode, self._learner)
         rows = targets.rows(episode.seen)
         loss = None

@@ -4,17 +4,22 @@ from dataclasses import dataclass
 from math import isfinite
 
 from steerlab.learning.agents.contract import Agent, Learner
-from steerlab.learning.agents.stage import Stage
+from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.sim.engine.driving import DrivingState
 from steerlab.sim.tasks import draw_task_start, redraw_noise
-from steerlab.study.teaching.conditions import FIRST_BEFORE, FIRST_DURING, Hands, TaughtBy
+from steerlab.study.teaching.conditions import (
+    FIRST_BEFORE,
+    FIRST_DURING,
+    TeacherAction,
+    TeachingMode,
+)
 from steerlab.study.teaching.driver import WithNoise, who_drives
 from steerlab.study.teaching.robot import Robot
 from steerlab.teleop.drives.live import LiveDrive
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Lesson:
+class RoundDrive:
     """A drive, ready to go.
 
     Attributes:
@@ -26,18 +31,18 @@ class Lesson:
     """
 
     number: int
-    hands: Hands
+    hands: TeacherAction
     before: tuple[str, ...]
     during: str
     drive: LiveDrive
     robot: Robot
-    stage: Stage
+    stage: TaskEnv
     agent: Agent
 
 
 def make_lesson(
-    stage: Stage,
-    taught_by: TaughtBy,
+    stage: TaskEnv,
+    taught_by: TeachingMode,
     agent: Agent,
     learner: Learner | None,
     *,
@@ -45,7 +50,7 @@ def make_lesson(
     number: int,
     attempt: int,
     seed: int,
-) -> Lesson:
+) -> RoundDrive:
     """Round ``number``; start and noise depend on ``seed`` and number, never on the condition.
 
     Args:
@@ -56,13 +61,13 @@ def make_lesson(
     if number == 0:
         start = redraw_noise(stage.task, start, seed, attempt)
     robot = Robot(stage, learner, doubts=agent.gate.needs_doubt)
-    hands = Hands.DRIVE if number == 0 else taught_by.hands
+    hands = TeacherAction.DRIVE if number == 0 else taught_by.hands
 
     def oracle(state: DrivingState) -> float | None:
         wheel = stage.oracle(state)
         return wheel if isfinite(wheel) else None
 
-    return Lesson(
+    return RoundDrive(
         number=number,
         hands=hands,
         before=FIRST_BEFORE if number == 0 else taught_by.before,

@@ -1,4 +1,4 @@
-"""``Task``: what the search for a label's path knows about the world, the car and its room."""
+"""``PlannerInputs``: what the search for a label's path knows about the world, the car and its room."""
 
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ def verified(body: Body, start_m: float) -> Keep:
     return Keep(min(start_m, full_m), full_m, RAMP_M)
 
 
-class Task(NamedTuple):
+class PlannerInputs(NamedTuple):
     """What ``turn_and_go`` needs to know about the world and the car.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""The lowest rung: labels as given."""
+"""The lowest baseline: labels as given."""
 
 from collections.abc import Sequence
 

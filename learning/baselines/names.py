@@ -1,6 +1,6 @@
-"""The rungs by name: every report and every ``summary.json`` uses these keys."""
+"""The baselines by name: every report and every ``summary.json`` uses these keys."""
 
-LADDER = (
+BASELINES = (
     "identity",
     "shared_gain",
     "person_gain",
@@ -16,10 +16,10 @@ LADDER = (
     "sim_pretrained",
     "sim_pretrained_context",
 )
-"""Every rung. A rung that cannot be judged is named with the reason, see ``left_out``."""
+"""Every baseline. A baseline that cannot be judged is named with the reason, see ``left_out``."""
 
 CEILING = "true_style"
 """Told the teachers' true styles: a reference, not a method."""
 
 FULL_ONLY = ("no_embedding", "mind_meld_paper", CEILING)
-"""These train a network each; a quick ladder does without."""
+"""These train a network each; the quick choice does without."""

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from steerlab.learning.policy import Observations
 from steerlab.sim.rollout import Outcome
-from steerlab.study.teaching.lesson import Lesson
+from steerlab.study.teaching.round_drive import RoundDrive
 from steerlab.teleop.screen.contract import Act
 
 Tick = Callable[[float], None]
@@ -36,10 +36,10 @@ class Drove:
     seen: Observations | None
 
 
-class Host(Protocol):
+class TeacherInterface(Protocol):
     """Lets somebody drive and rest."""
 
-    def drive(self, lesson: Lesson) -> Drove | None:
+    def drive(self, lesson: RoundDrive) -> Drove | None:
         """One finished attempt at a lesson; None to stop."""
         ...
 

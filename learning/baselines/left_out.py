@@ -1,12 +1,12 @@
-"""Which rungs cannot be judged on given labels, and why: it is said, never faked."""
+"""Which baselines cannot be judged on given labels, and why: it is said, never faked."""
 
 from collections.abc import Sequence
 from math import pi
 
 import numpy as np
 
+from steerlab.learning.baselines.names import CEILING, FULL_ONLY
 from steerlab.learning.empirical_bayes.grid import RATE_HZ, GridSeries
-from steerlab.learning.ladder.rungs import CEILING, FULL_ONLY
 from steerlab.learning.people import by_person
 from steerlab.learning.presets import PAPER, MapperConfig
 from steerlab.learning.series import CONTEXT, LabelSeries
@@ -14,7 +14,7 @@ from steerlab.learning.splits import StudySplit
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 LEAST_RATE_HZ = 1.0
-"""Below it the window of ±1 s of the rungs on a 20 Hz grid holds no second label. Down to it they
+"""Below it the window of ±1 s of the baselines on a 20 Hz grid holds no second label. Down to it they
 have been measured (docs/fit.md)."""
 
 _ON_GRID = ("eb_nonlinear", "sim_pretrained", "sim_pretrained_context")
@@ -34,13 +34,15 @@ def left_out(
     Args:
         studies: what will be fitted and judged, such as the folds of one table.
         config: MIND MELD's.
-        full: whether rungs that train another network are wanted.
+        full: whether baselines that train another network are wanted.
         styles_known: whether there are true styles, and so a ceiling to speak of.
     """
     reasons: dict[str, str] = {}
     if not full:
-        quick = "it trains a network of its own, which the quick ladder does without"
-        reasons |= {rung: quick for rung in FULL_ONLY if rung != CEILING or styles_known}
+        quick = "it trains a network of its own, which the quick choice does without"
+        reasons |= {
+            baseline: quick for baseline in FULL_ONLY if baseline != CEILING or styles_known
+        }
     if config == PAPER:
         reasons["mind_meld_paper"] = "mind_meld itself has the paper’s settings here"
     series = _each_once(studies)
@@ -48,9 +50,9 @@ def left_out(
         reasons["sim_pretrained_context"] = why
     if any(len({one.person for one in study.train_seen}) < 2 for study in studies):
         reasons["eb_nonlinear"] = "a prior over people takes two to train on, and there is 1"
-    for rung, whose in (("shared_ridge", ""), ("person_ridge", " by one person")):
+    for baseline, whose in (("shared_ridge", ""), ("person_ridge", " by one person")):
         if any(_rollouts(study, each=bool(whose)) < 2 for study in studies):
-            reasons[rung] = (
+            reasons[baseline] = (
                 f"its penalty is chosen by leaving a rollout out, and there is only one{whose} to "
                 f"train on"
             )

@@ -38,7 +38,7 @@ def outcome_event(outcome: Outcome) -> str:
     return f"{_OUTCOME}{outcome.value}"
 
 
-class Register:
+class TeachingLog:
     """Reads and writes them; everything is on the disk when a method that writes returns.
 
     Attributes:

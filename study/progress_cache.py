@@ -1,10 +1,10 @@
 """Everyone's place in the study, worked out anew only after something has changed."""
 
 from steerlab.study.opened import OpenStudy
-from steerlab.study.progress import Progress, everybody, progress_of
+from steerlab.study.progress import ParticipantProgress, everybody, progress_of
 
 
-class Places:
+class ProgressCache:
     """What ``progress`` works out, kept while the audit's newest entry stays the same.
 
     Every change that a place depends on has its entry, by whichever program, and an entry's hash
@@ -15,10 +15,10 @@ class Places:
     def __init__(self, study: OpenStudy) -> None:
         self._study = study
         self._seal: list[tuple[int, str | None]] = []
-        self._kept: dict[str, Progress] = {}
-        self._all: list[Progress] | None = None
+        self._kept: dict[str, ParticipantProgress] = {}
+        self._all: list[ParticipantProgress] | None = None
 
-    def of(self, participant: str) -> Progress:
+    def of(self, participant: str) -> ParticipantProgress:
         """A participant's place.
 
         Raises:
@@ -29,7 +29,7 @@ class Places:
             self._kept[participant] = progress_of(self._study, participant)
         return self._kept[participant]
 
-    def all(self) -> list[Progress]:
+    def all(self) -> list[ParticipantProgress]:
         """Everyone's place, in the order in which they were enrolled."""
         self._forget_what_is_old()
         if self._all is None:

@@ -6,17 +6,17 @@ from steerlab.sim.rollout import Outcome
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.sim.unusual_teachers import UnusualTeacher
 from steerlab.study.recording.session_recorder import SessionRecorder
-from steerlab.study.teaching.host import Drove, Work
-from steerlab.study.teaching.lesson import Lesson
-from steerlab.study.teaching.register import outcome_event
-from steerlab.study.teaching.scripted_hand import ScriptedHand
+from steerlab.study.teaching.live_scripted_device import LiveScriptedDevice
+from steerlab.study.teaching.round_drive import RoundDrive
+from steerlab.study.teaching.teacher_interface import Drove, Work
+from steerlab.study.teaching.teaching_log import outcome_event
 from steerlab.teleop.devices.contract import Device, DeviceError, InputKind
 from steerlab.teleop.devices.scripted import ScriptedDevice
 from steerlab.teleop.loop import NullClock, run_drive
 from steerlab.teleop.screen.contract import Act
 
 
-class ScriptHost:
+class ScriptedInterface:
     """Drives without waiting, never stops, and does all there is to do.
 
     Args:
@@ -42,7 +42,7 @@ class ScriptHost:
         self._device, self._recorder = device, recorder
         self._participant, self._rounds, self._progress = participant, rounds, progress
 
-    def drive(self, lesson: Lesson) -> Drove:
+    def drive(self, lesson: RoundDrive) -> Drove:
         """One finished attempt."""
         device = self._device
         if isinstance(device, ScriptedDevice):
@@ -51,7 +51,7 @@ class ScriptHost:
                 raise DeviceError(
                     f"{teacher.name!r} labels recorded rollouts only; it cannot teach."
                 )
-            device = ScriptedHand(teacher, lesson)
+            device = LiveScriptedDevice(teacher, lesson)
         record = self._recorder.begin(lesson.drive)
         run_drive(
             lesson.drive,

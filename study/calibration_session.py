@@ -16,7 +16,6 @@ from steerlab.teleop.devices.contract import Device, DeviceInfo, InputKind
 from steerlab.teleop.devices.force_feedback import DEFAULT_AUTOCENTRE
 from steerlab.teleop.devices.open import open_device
 from steerlab.teleop.drives.replay import Replay
-from steerlab.teleop.gates import LoopHealth
 from steerlab.teleop.latency import input_latency_ms
 from steerlab.teleop.loop import NullClock, run_drive
 from steerlab.teleop.pages import keeping_page
@@ -25,7 +24,8 @@ from steerlab.teleop.screen.config import ScreenConfig
 from steerlab.teleop.screen.drive_screen import open_screen
 from steerlab.teleop.screen.resolution import Resolution
 from steerlab.teleop.sdl import SdlEvents
-from steerlab.teleop.session import Session, SessionConfig, SessionEnd
+from steerlab.teleop.session import DriveSession, SessionConfig, SessionEnd
+from steerlab.teleop.timing_limits import LoopHealth
 
 Progress = Callable[[str, float], None]
 
@@ -71,7 +71,7 @@ class Corrected:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sitting:
+class CalibrationSession:
     """Who corrects which rollouts, and into which study.
 
     Attributes:
@@ -112,7 +112,7 @@ class Sitting:
                     if self.left:
                         screen.enter(self.left[0].world)  # measures how fast it can draw
                     with self._recorder(device.info, screen.resolution) as recorder:
-                        session = Session(
+                        session = DriveSession(
                             screen=screen,
                             device=device,
                             poll=events.poll,

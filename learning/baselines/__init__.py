@@ -1,16 +1,16 @@
-"""The ladder: everything MIND MELD must beat before anything is claimed for it."""
+"""The baselines: everything MIND MELD must beat before anything is claimed for it."""
 
 from collections.abc import Callable, Collection, Mapping
 
+from steerlab.learning.baselines.gain import PersonGainMapper, SharedGainMapper
+from steerlab.learning.baselines.gain_lag import PersonGainLagMapper
+from steerlab.learning.baselines.given_embedding import NoEmbeddingMapper, TrueStyleMapper
+from steerlab.learning.baselines.identity import IdentityMapper
+from steerlab.learning.baselines.left_out import LEAST_RATE_HZ, left_out
+from steerlab.learning.baselines.names import BASELINES, CEILING, FULL_ONLY
+from steerlab.learning.baselines.other_embedding import MeanEmbeddingMapper, ShuffledEmbeddingMapper
+from steerlab.learning.baselines.ridge import PersonRidgeMapper, SharedRidgeMapper
 from steerlab.learning.empirical_bayes.mapper import EmpiricalBayesMapper
-from steerlab.learning.ladder.gain import PersonGainMapper, SharedGainMapper
-from steerlab.learning.ladder.gain_lag import PersonGainLagMapper
-from steerlab.learning.ladder.given_embedding import NoEmbeddingMapper, TrueStyleMapper
-from steerlab.learning.ladder.identity import IdentityMapper
-from steerlab.learning.ladder.left_out import LEAST_RATE_HZ, left_out
-from steerlab.learning.ladder.other_embedding import MeanEmbeddingMapper, ShuffledEmbeddingMapper
-from steerlab.learning.ladder.ridge import PersonRidgeMapper, SharedRidgeMapper
-from steerlab.learning.ladder.rungs import CEILING, FULL_ONLY, LADDER
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
 from steerlab.learning.presets import PAPER, MapperConfig
 from steerlab.learning.pretrained.mapper import SimPretrainedMapper
@@ -18,9 +18,9 @@ from steerlab.learning.splits import StudySplit
 from steerlab.sim.scripted_teacher import TeacherStyle
 
 __all__ = [
+    "BASELINES",
     "CEILING",
     "FULL_ONLY",
-    "LADDER",
     "LEAST_RATE_HZ",
     "IdentityMapper",
     "MeanEmbeddingMapper",
@@ -32,12 +32,12 @@ __all__ = [
     "SharedRidgeMapper",
     "ShuffledEmbeddingMapper",
     "TrueStyleMapper",
-    "build_ladder",
+    "fit_baselines",
     "left_out",
 ]
 
 
-def build_ladder(
+def fit_baselines(
     mind_meld: MindMeldMapper,
     parts: StudySplit,
     *,
@@ -47,14 +47,14 @@ def build_ladder(
     styles: Mapping[str, TeacherStyle] | None = None,
     paper: MapperConfig = PAPER,
 ) -> dict[str, LabelMapper]:
-    """Every rung, fitted on the training people and calibrated on the new ones, in order.
+    """Every baseline, fitted on the training people and calibrated on the new ones, in order.
 
     Args:
         mind_meld: fitted and calibrated on ``parts``.
         parts: the study; held-out series are not read.
         seed: of whatever is trained.
-        on_step: told which share of the rungs is fitted, 0 to 1.
-        without: rungs not to build: what ``left_out`` finds for ``parts``.
+        on_step: told which share of the baselines is fitted, 0 to 1.
+        without: baselines not to build: what ``left_out`` finds for ``parts``.
         styles: everyone's true style, where the teachers are scripted; without them there is no
             ceiling.
         paper: the settings of ``mind_meld_paper``.
@@ -85,11 +85,11 @@ def build_ladder(
         builders[CEILING] = lambda: TrueStyleMapper(known, config, seed=seed, on_epoch=on_epoch)
     wanted = [name for name in builders if name not in without]
     for name in wanted:
-        rung = builders[name]()
-        rung.fit(parts.train_seen)
-        rung.calibrate(parts.calibrate_new)
-        fitted[name] = rung
+        baseline = builders[name]()
+        baseline.fit(parts.train_seen)
+        baseline.calibrate(parts.calibrate_new)
+        fitted[name] = baseline
         on_step(len(fitted) / len(wanted))
     sharing = (MeanEmbeddingMapper(mind_meld), ShuffledEmbeddingMapper(mind_meld), mind_meld)
-    rungs = fitted | {rung.name: rung for rung in sharing}
-    return {name: rungs[name] for name in (*LADDER, CEILING) if name in rungs}
+    baselines = fitted | {baseline.name: baseline for baseline in sharing}
+    return {name: baselines[name] for name in (*BASELINES, CEILING) if name in baselines}

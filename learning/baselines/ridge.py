@@ -17,7 +17,7 @@ PENALTIES: FloatArray = 10.0 ** np.arange(-2.0, 5.1, 0.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moments:
+class RidgeSums:
     """Sums over windows that a ridge regression needs, one set a rollout.
 
     Attributes:
@@ -139,7 +139,7 @@ class PersonRidgeMapper:
         return _map(series, self._window, coefficients)
 
 
-def moments(series: Sequence[LabelSeries], window: WindowConfig) -> Moments:
+def moments(series: Sequence[LabelSeries], window: WindowConfig) -> RidgeSums:
     """Sums over the valid windows of ``series``, series of one rollout together.
 
     Raises:
@@ -160,10 +160,10 @@ def moments(series: Sequence[LabelSeries], window: WindowConfig) -> Moments:
         gram.append(x.T @ x)
         product.append(x.T @ difference)
         square.append(float(difference @ difference))
-    return Moments(np.stack(gram), np.stack(product), np.array(square))
+    return RidgeSums(np.stack(gram), np.stack(product), np.array(square))
 
 
-def choose_penalty(people: Sequence[Moments], penalties: FloatArray) -> float:
+def choose_penalty(people: Sequence[RidgeSums], penalties: FloatArray) -> float:
     """The penalty with the least squared error on left-out rollouts, over all of ``people``.
 
     Raises:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from steerlab.sim.errors import SteerlabError
-from steerlab.study.contract import Finding, StudyAccess
+from steerlab.study.contract import StudyAccess, StudyCheck
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -21,12 +21,12 @@ class CheckupView:
     """
 
     at: str = ""
-    findings: Sequence[Finding] = ()
+    findings: Sequence[StudyCheck] = ()
     failure: str = ""
     busy: bool = False
 
 
-class Checkup:
+class StudyCheckJob:
     """Checks on a thread of its own and with the study opened anew, so that no answer waits."""
 
     def __init__(
@@ -59,7 +59,7 @@ class Checkup:
         return self._task is not None and not self._task.done()
 
     async def _check(self) -> None:
-        findings: Sequence[Finding] = ()
+        findings: Sequence[StudyCheck] = ()
         failure = ""
         try:
             findings = await asyncio.to_thread(self._findings)
@@ -68,6 +68,6 @@ class Checkup:
         at = self._now().strftime("%H:%M:%S")
         self._done = CheckupView(at=at, findings=findings, failure=failure)
 
-    def _findings(self) -> Sequence[Finding]:
+    def _findings(self) -> Sequence[StudyCheck]:
         with self._open_study() as study:
             return study.findings(None)

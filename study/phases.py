@@ -13,7 +13,7 @@ PAGES = (
 """Kinds that are done in the browser."""
 
 
-def way_of(protocol: StudyProtocol, role: Role, order: tuple[str, ...]) -> tuple[Phase, ...]:
+def phases_for(protocol: StudyProtocol, role: Role, order: tuple[str, ...]) -> tuple[Phase, ...]:
     """All phases of a participant.
 
     Args:

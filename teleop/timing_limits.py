@@ -77,7 +77,7 @@ class LoopHealth:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class FailedGate:
+class TimingViolation:
     """A limit that an attempt broke."""
 
     name: str
@@ -88,7 +88,7 @@ class FailedGate:
         return f"{self.name.replace('_', ' ')} {self.value:.3g} (limit {self.limit:g})"
 
 
-def failed_gates(health: LoopHealth, config: GateConfig) -> list[FailedGate]:
+def failed_gates(health: LoopHealth, config: GateConfig) -> list[TimingViolation]:
     """The limits that this attempt broke; none is well."""
     shown = health.frames + health.dropped
     measured = {
@@ -99,7 +99,7 @@ def failed_gates(health: LoopHealth, config: GateConfig) -> list[FailedGate]:
         "input_age_p99_ms": health.input_age_p99_ms,
     }
     return [
-        FailedGate(name=name, value=value, limit=getattr(config, name))
+        TimingViolation(name=name, value=value, limit=getattr(config, name))
         for name, value in measured.items()
         if value is not None and value > getattr(config, name)
     ]

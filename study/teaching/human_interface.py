@@ -6,9 +6,7 @@ from time import perf_counter_ns, sleep
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.rollout import Outcome
 from steerlab.study.recording.session_recorder import SessionRecorder
-from steerlab.study.teaching.conditions import Hands
-from steerlab.study.teaching.host import Drove, Pressed, Tick, Work
-from steerlab.study.teaching.lesson import Lesson
+from steerlab.study.teaching.conditions import TeacherAction
 from steerlab.study.teaching.pages import (
     before_page,
     button_page,
@@ -18,22 +16,24 @@ from steerlab.study.teaching.pages import (
     untimely_page,
     waiting_page,
 )
-from steerlab.study.teaching.register import outcome_event
+from steerlab.study.teaching.round_drive import RoundDrive
+from steerlab.study.teaching.teacher_interface import Drove, Pressed, Tick, Work
+from steerlab.study.teaching.teaching_log import outcome_event
 from steerlab.teleop.attempt import Attempts
 from steerlab.teleop.devices.contract import Button, Device
-from steerlab.teleop.gates import LoopHealth
 from steerlab.teleop.loop import DriveEnd
 from steerlab.teleop.pacing import NS_PER_S, WallClock
+from steerlab.teleop.page_prompt import PAGE_S, PagePrompt
 from steerlab.teleop.pages import error_page
 from steerlab.teleop.screen.contract import Act, Page, Screen
 from steerlab.teleop.session import SessionConfig
-from steerlab.teleop.stage import PAGE_S, Stage
+from steerlab.teleop.timing_limits import LoopHealth
 from steerlab.teleop.watch import PersonWatch
 
 PAGE_NS = NS_PER_S // 10  # while the robot learns: drawing takes time from it
 
 
-class WindowHost:
+class HumanInterface:
     """Shows drives on ``screen``, which has entered the world, and records what the person does.
 
     Args:
@@ -67,7 +67,7 @@ class WindowHost:
         self._now_ns, self._sleep_s = now_ns, sleep_s
         self._clock = WallClock(config.pacing, poll, now_ns=now_ns, sleep_s=sleep_s)
         self._watch = PersonWatch(screen)
-        self._stage = Stage(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
+        self._stage = PagePrompt(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
         self._attempts = Attempts(
             screen=screen,
             device=device,
@@ -84,14 +84,14 @@ class WindowHost:
         self.health: list[LoopHealth] = []
         self.rests_ns: list[int] = []
 
-    def drive(self, lesson: Lesson) -> Drove | None:
+    def drive(self, lesson: RoundDrive) -> Drove | None:
         """Until an attempt is finished that the person wants to count; None to stop."""
         number = lesson.number + 1
         if lesson.before != self._told:
             page = before_page(self._title, lesson.before, lesson.number, self._count)
             if self._ask(page, Act.CONFIRM) is Act.STOP:
                 return None
-            if lesson.hands is Hands.TAKE_OVER and not self._button_heard(lesson):
+            if lesson.hands is TeacherAction.TAKE_OVER and not self._button_heard(lesson):
                 return None
             self._told = lesson.before
         while True:
@@ -173,7 +173,7 @@ class WindowHost:
 
         return tick
 
-    def _button_heard(self, lesson: Lesson) -> bool:
+    def _button_heard(self, lesson: RoundDrive) -> bool:
         """Wait for the take-over button; False to stop."""
         page = button_page(self._device.info.name, lesson.number, self._count)
         while True:
@@ -189,7 +189,7 @@ class WindowHost:
     def _ask(self, page: Page, *wanted: Act) -> Act:
         return self._stage.ask(lambda: page, {*wanted, Act.STOP})
 
-    def _show(self, lesson: Lesson, fraction: float) -> None:
+    def _show(self, lesson: RoundDrive, fraction: float) -> None:
         self._attempts.show(
             lesson.drive,
             fraction,

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 from steerlab.learning.agents.contract import Agent
 from steerlab.sim.tasks import Start
-from steerlab.study.teaching.conditions import TaughtBy
+from steerlab.study.teaching.conditions import TeachingMode
 from steerlab.study.teaching.plan import TeachPlan
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Subject:
+class TeachingSpec:
     """One condition of one participant.
 
     Attributes:
@@ -21,7 +21,7 @@ class Subject:
     """
 
     condition: str
-    taught_by: TaughtBy
+    taught_by: TeachingMode
     agent: Agent
     plan: TeachPlan
     rounds: int

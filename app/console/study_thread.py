@@ -11,7 +11,7 @@ from steerlab.study.contract import StudyAccess
 T = TypeVar("T")
 
 
-class Desk:
+class StudyThread:
     """Does one thing with the study after another; what changes it is durable when done."""
 
     def __init__(self, open_study: Callable[[], AbstractContextManager[StudyAccess]]) -> None:

@@ -12,7 +12,7 @@ WINDOW_S = 60.0
 MOST_ADDRESSES = 1024  # remembered; the longest unseen is forgotten first
 
 
-class Guesses:
+class LoginThrottle:
     """Counts wrong guesses by client address."""
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:

@@ -11,7 +11,7 @@ from steerlab.teleop.watch import PersonWatch
 PAGE_S = 1.0 / 30.0
 
 
-class Stage:
+class PagePrompt:
     """Shows pages on ``screen`` and listens to the keyboard and to ``device``.
 
     Args:

@@ -12,7 +12,7 @@ from steerlab.sim.ground_truth import Planner
 from steerlab.sim.tasks import Screened, Task, screen_starts
 
 
-class Stage:
+class TaskEnv:
     """Holds what is dear to make; not for use by several threads at once. Close it when done.
 
     Args:
@@ -56,7 +56,7 @@ class Stage:
             self._camera = None
         self.driving.close()
 
-    def __enter__(self) -> "Stage":
+    def __enter__(self) -> "TaskEnv":
         return self
 
     def __exit__(
