@@ -1,7 +1,8 @@
 """A program: draws and trains in the order it is told, around one command of the command line.
 
 ``draw_and_train.py draw,train,verb,draw,train -- simulate --out DIR``. Where a verb would wait for
-a person or a browser, ``interrupt:SECONDS`` in the place of ``verb`` runs it until Ctrl+C.
+a person or a browser, ``interrupt:SECONDS`` in the place of ``verb`` runs it until Ctrl+C, which
+is pressed every second from then on: one alone may fall into a moment that ignores it.
 """
 
 import signal
@@ -40,13 +41,24 @@ def run(steps: list[str], command: list[str]) -> int:
         if step in ("draw", "train"):
             {"draw": draw, "train": train}[step]()
             continue
+        ended = threading.Event()
         if step.startswith("interrupt:"):
             wait_s = float(step.partition(":")[2])
-            threading.Timer(wait_s, signal.raise_signal, [signal.SIGINT]).start()
-        code = main(command)
+            threading.Thread(target=_interrupt, args=(wait_s, ended), daemon=True).start()
+        try:
+            code = main(command)
+        except KeyboardInterrupt:  # one more, on the way out
+            code = 0
+        ended.set()
         if code not in (0, 128 + signal.SIGINT):
             return code
     return 0
+
+
+def _interrupt(wait_s: float, ended: threading.Event) -> None:
+    while not ended.wait(wait_s):
+        signal.raise_signal(signal.SIGINT)
+        wait_s = 1.0
 
 
 if __name__ == "__main__":

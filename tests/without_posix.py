@@ -6,7 +6,7 @@ command line, with ``::`` between two commands.
 Modules that only POSIX has can be imported by nobody, but for what ``NEEDS_THEM_HERE`` has got hold
 of before. Functions that only POSIX has are missing where steerlab's code looks for them: numpy
 and torch choose theirs by ``sys.platform``, so on Linux they would not even be imported without.
-Nobody reads ``/proc``, and steerlab opens no folder. A file that steerlab opens as text without
+It reads nothing from ``/proc``, and opens no folder. A file that steerlab opens as text without
 saying in which encoding is an error, for on Windows that would not be UTF-8.
 """
 
@@ -88,10 +88,20 @@ def _refuse_to_open(event: str, arguments: tuple[Any, ...]) -> None:
     if event != "open" or not isinstance(arguments[0], str | os.PathLike):
         return
     path = os.fspath(arguments[0])
+    if not _is_ours(_who_opens()):  # numba asks what processor it compiles for, in its own way
+        return
     if path.startswith(("/proc/", "/sys/")):
         raise FileNotFoundError(2, "No such file or directory", path)
-    if _is_ours(sys._getframe(1).f_globals["__name__"]) and os.path.isdir(path):
+    if os.path.isdir(path):
         raise PermissionError(13, "Permission denied", path)
+
+
+def _who_opens() -> str:
+    """The module whose code opens a file, by itself or through ``pathlib``."""
+    frame = sys._getframe(2)
+    while frame.f_back and frame.f_globals["__name__"].partition(".")[0] in ("pathlib", "io"):
+        frame = frame.f_back
+    return frame.f_globals["__name__"]
 
 
 def import_all() -> int:
