@@ -1,6 +1,6 @@
 """``steerlab``: the command line, and the only place where everything is put together.
 
-Each verb is a typed function in ``verbs``. Only the named verb's module is read, and what a verb
+Each verb is a typed function in ``commands``. Only the named verb's module is read, and what a verb
 needs is imported inside it, so that ``--help`` answers at once.
 """
 
@@ -12,24 +12,24 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-VERBS: dict[str, str] = {
-    "demo": "science",
-    "doctor": "machine",
-    "wheel": "live",
-    "drive": "live",
-    "correct": "live",
-    "replay": "live",
-    "study": "study",
-    "console": "console",
-    "simulate": "science",
-    "fit": "science",
-    "synthetic": "science",
-    "teach": "teach",
-    "analyze": "analyze",
-    "power": "power",
-    "calibration-set": "machine",
-}
-"""Each verb, and the module of ``verbs`` that its function is in."""
+VERBS = (
+    "demo",
+    "doctor",
+    "wheel",
+    "drive",
+    "correct",
+    "replay",
+    "study",
+    "console",
+    "simulate",
+    "fit",
+    "synthetic",
+    "teach",
+    "analyze",
+    "power",
+    "calibration-set",
+)
+"""Each is a function of its name in a module of its name in ``commands``."""
 
 _SIGPIPE = getattr(signal, "SIGPIPE", 13)  # Windows has no such signal
 
@@ -66,8 +66,8 @@ def _print_every_character() -> None:
 
 def verb_function(verb: str) -> Callable[..., int]:
     """What does the work of a verb; imports its module, and no other's."""
-    module = import_module(f"steerlab.app.verbs.{VERBS[verb]}")
-    return getattr(module, verb.replace("-", "_"))
+    name = verb.replace("-", "_")
+    return getattr(import_module(f"steerlab.app.commands.{name}"), name)
 
 
 def _run(arguments: list[str]) -> int:
@@ -76,7 +76,7 @@ def _run(arguments: list[str]) -> int:
     if verb in VERBS:
         return _run_verb(verb, rest)
     if first in ("-h", "--help"):
-        from steerlab.app.verbs.overview import overview
+        from steerlab.app.commands.overview import overview
 
         print("\n".join(overview({name: verb_function(name) for name in VERBS})))
         return 0

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal, Optional
 
 import tyro
 
-from steerlab.app.verbs.common import Force, Json, Out, Seed, print_json, progress_bar, say_where
-from steerlab.app.verbs.quick_types import PathOrNone, Texts
+from steerlab.app.commands.arguments import Force, Json, Out, PathOrNone, Seed, Texts
+from steerlab.app.commands.printing import print_json, progress_bar, say_where
 
 Noise = Annotated[
     float, tyro.conf.arg(help="Wheel noise: standard deviation, wheel units of ±2.5.")
@@ -63,9 +63,9 @@ def teach(
     from steerlab.sim.engine.gl import draw_without_threads
 
     draw_without_threads()  # before the next lines import MuJoCo
+    from steerlab.app.commands.printing import command_line
     from steerlab.app.teach import teach as run
     from steerlab.app.teach_config import TeachConfig
-    from steerlab.app.verbs.common import command_line
 
     population = population or ("wide" if family == "scripted" else "human")
     config = TeachConfig(

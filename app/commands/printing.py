@@ -1,21 +1,14 @@
-"""What several verbs share: options, the progress bar, and how results are said."""
+"""What commands print: results, where they are, and progress."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any
-
-import tyro
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from steerlab.analysis.summary import Summary
-
-Out = Annotated[Path, tyro.conf.arg(metavar="DIR", help="Folder for the results.")]
-Force = Annotated[bool, tyro.conf.arg(help="Replace the folder if it is not empty.")]
-Seed = Annotated[int, tyro.conf.arg(help="The same seed gives the same labels and figures.")]
-Json = Annotated[bool, tyro.conf.arg(help="Print the summary as JSON.")]
 
 
 def command_line(verb: str, settings: Mapping[str, object], out: Path, *arguments: str) -> str:

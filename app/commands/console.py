@@ -5,7 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from steerlab.app.verbs.quick_types import PathOrNone
+from steerlab.app.commands.arguments import PathOrNone
 
 
 def console(

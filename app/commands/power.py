@@ -5,8 +5,8 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from steerlab.app.verbs.common import Force, Json, Out, Seed, print_json, progress_bar
-from steerlab.app.verbs.quick_types import Ints, PathOrNone, Texts
+from steerlab.app.commands.arguments import Force, Ints, Json, Out, PathOrNone, Seed, Texts
+from steerlab.app.commands.printing import print_json, progress_bar
 
 
 def power(
@@ -67,8 +67,8 @@ def power(
     """
     from steerlab.analysis.power_study.design import ConditionMean, Effect, PowerDesign
     from steerlab.analysis.power_study.report import needed_text
+    from steerlab.app.commands.printing import command_line
     from steerlab.app.power import power as run
-    from steerlab.app.verbs.common import command_line
 
     settings: dict[str, Any] = {
         "people": people, "rollouts": rollouts, "noise": noise, "family": family,

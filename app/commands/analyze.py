@@ -5,8 +5,8 @@ from typing import Annotated
 
 import tyro
 
-from steerlab.app.verbs.common import Force, Json, print_json, progress_bar
-from steerlab.app.verbs.quick_types import PathOrNone
+from steerlab.app.commands.arguments import Force, Json, PathOrNone
+from steerlab.app.commands.printing import print_json, progress_bar
 
 
 def analyze(

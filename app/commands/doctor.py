@@ -1,11 +1,17 @@
-"""Verbs about this machine and the shipped data: ``doctor`` and ``calibration-set``."""
+"""``steerlab doctor``: what this machine can do."""
 
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from steerlab.app.verbs.common import Json, print_json, progress_bar
+from steerlab.app.commands.arguments import (
+    Json,
+)
+from steerlab.app.commands.printing import (
+    print_json,
+    progress_bar,
+)
 
 
 def doctor(
@@ -42,29 +48,3 @@ def doctor(
             if finding.mend:
                 print(f"     {'':<{width}}  mend: {finding.mend}")
     return 0 if all(finding.ok for finding in findings) else 1
-
-
-def calibration_set(
-    out: Annotated[Path, tyro.conf.arg(metavar="FILE", help="Where to write the rollouts.")],
-    seed: Annotated[int, tyro.conf.arg(help="12 gives the shipped set.")] = 12,
-    force: Annotated[bool, tyro.conf.arg(help="Replace the file if it exists.")] = False,
-) -> int:
-    """Make the twelve wizard-of-Oz rollouts that participants correct; the shipped set has seed 12.
-
-    Example: steerlab calibration-set --seed 12 --out calibration_set.parquet
-    """
-    from steerlab.sim.calibration_generator import generate_calibration_set
-    from steerlab.sim.files.output_folder import OutputError
-    from steerlab.sim.rollout_file import write_rollouts
-
-    if out.exists() and not force:
-        raise OutputError(f"{out} exists; choose another file, or add --force to replace it.")
-    with progress_bar() as progress:
-        rollouts = generate_calibration_set(
-            seed, on_rollout=lambda done, of: progress("driving rollouts", done / of)
-        )
-    write_rollouts(rollouts, out, made_by=f"steerlab calibration-set --seed {seed}")
-    for rollout in rollouts:
-        print(f"{rollout.name}  {rollout.steps} steps  {rollout.outcome}")
-    print(f"Wrote {out}")
-    return 0

@@ -1,0 +1,71 @@
+"""``steerlab correct``: a participant corrects the calibration rollouts."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from steerlab.app.commands.arguments import (
+    DeviceSpec,
+    FullScreen,
+    Json,
+    Size,
+    TextScale,
+    View,
+    screen_config,
+)
+from steerlab.app.commands.printing import (
+    print_json,
+    progress_bar,
+)
+
+
+def correct(
+    study: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="STUDY")],
+    participant: Annotated[str, tyro.conf.arg(help="A pseudonym, never a name.")],
+    device: DeviceSpec = "wheel",
+    rollouts: Annotated[int, tyro.conf.arg(help="How many of the twelve.")] = 12,
+    show_agent_wheel: Annotated[
+        bool, tyro.conf.arg(help="Show the robot's wheel too; it may anchor the labels.")
+    ] = False,
+    viewer: Annotated[bool, tyro.conf.arg(help="Show the drives live in Rerun as well.")] = False,
+    pictures: Annotated[
+        bool, tyro.conf.arg(help="Draw the camera into the recordings at the end.")
+    ] = True,
+    size: Size = "960x540",
+    full_screen: FullScreen = False,
+    view: View = "front",
+    text_scale: TextScale = 1.0,
+    json: Json = False,
+) -> int:
+    """Correct the calibration rollouts: watch each drive, and steer as the car should have.
+
+    STUDY is a folder; it is made if there is none. What a participant has finished is not asked
+    for again, so a session that was stopped goes on where it was left.
+
+    Example: steerlab correct my-study --participant P01 --device wheel
+    """
+    from dataclasses import asdict
+
+    from steerlab.study.correct import CorrectConfig
+    from steerlab.study.correct import correct as run
+    from steerlab.teleop.session import SessionConfig
+
+    config = CorrectConfig(
+        participant=participant,
+        rollouts=rollouts,
+        viewer=viewer,
+        pictures=pictures,
+        screen=screen_config(size, full_screen, view, text_scale),
+        session=SessionConfig(show_agent_wheel=show_agent_wheel),
+    )
+    with progress_bar() as progress:
+        done = run(study, device, config, progress)
+    if json:
+        print_json(asdict(done))
+    else:
+        if done.resumed:
+            print(f"{done.resumed} attempts were cut off by a crash; they do not count.")
+        print(f"{participant}: {done.done} of {done.total} rollouts corrected; {done.end}.")
+        print(f"See it: steerlab replay {study} --participant {participant}")
+    return 0

@@ -1,0 +1,58 @@
+"""``steerlab replay``: look back in Rerun."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from steerlab.app.commands.arguments import (
+    FloatOrNone,
+    IntOrNone,
+    PathOrNone,
+    TextOrNone,
+)
+from steerlab.app.commands.printing import (
+    progress_bar,
+)
+
+
+def replay(
+    path: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="PATH")],
+    participant: Annotated[TextOrNone, tyro.conf.arg(help="Only this participant's.")] = None,
+    rollout: Annotated[TextOrNone, tyro.conf.arg(help="Only attempts at this rollout.")] = None,
+    attempt: Annotated[IntOrNone, tyro.conf.arg(help="Only this attempt, from 0.")] = None,
+    pictures: Annotated[bool, tyro.conf.arg(help="Draw the camera's view again.")] = True,
+    save: Annotated[
+        PathOrNone, tyro.conf.arg(metavar="FILE", help="Write an .rrd file instead.")
+    ] = None,
+    screenshot: Annotated[
+        PathOrNone, tyro.conf.arg(metavar="FILE", help="Write a .png instead; no display needed.")
+    ] = None,
+    at_s: Annotated[FloatOrNone, tyro.conf.arg(help="Moment of the screenshot.")] = None,
+) -> int:
+    """Open a session in Rerun: the drive, the camera, wheels, timing and what happened.
+
+    PATH is a study's folder, from whose database the recording is made anew, or an .rrd file.
+
+    Example: steerlab replay my-study --participant P01 --save p01.rrd
+    """
+    from steerlab.study.replay import ReplayConfig
+    from steerlab.study.replay import replay as run
+
+    config = ReplayConfig(
+        participant=participant,
+        rollout=rollout,
+        attempt=attempt,
+        pictures=pictures,
+        save=save,
+        screenshot=screenshot,
+        at_s=at_s,
+    )
+    with progress_bar() as progress:
+        shown = run(path, config, progress=progress)
+    for file in (save, screenshot):
+        if file is not None:
+            print(f"Wrote {file}")
+    if shown:
+        print(f"{len(shown)} attempts shown")
+    return 0

@@ -1,1 +1,0 @@
-"""The verbs of the command line, a typed function each; what one needs it imports itself."""
