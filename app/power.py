@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import shutil
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from math import ceil
@@ -23,10 +22,10 @@ from steerlab.analysis.study_data.errors import NotAStudy
 from steerlab.analysis.study_data.networks import Progress
 from steerlab.analysis.study_tables.conditions import outcome_table
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.files.kept_files import write_json
 from steerlab.sim.files.machine import worker_count
 from steerlab.sim.files.output_folder import OutputError
 from steerlab.sim.files.provenance import versions
+from steerlab.sim.files.run_folder import open_run_folder, write_json, write_text
 from steerlab.sim.rollout import FloatArray
 
 RUN_FILE, BLOCKS, SCHEMA = "power.json", "blocks", 1
@@ -59,7 +58,9 @@ def power(
         raise InvalidConfig(f"jobs is {jobs}; give 1 or more.")
     drawn = None if taught is None else _taught(taught, design.ours)
     design = replace(design, studies=BLOCK * ceil(design.studies / BLOCK))
-    _open_folder(design, out, drawn, force)
+    settings = {"schema": SCHEMA, "block": BLOCK, **design.identity()}
+    settings["taught"] = None if drawn is None else [list(drawn[0]), drawn[1].tolist()]
+    open_run_folder(out, settings, file=RUN_FILE, parts=(BLOCKS, "report"), force=force)
     _run(design, drawn, out, progress, jobs)
     curves = _curves(design, out)
     seconds = {"this_call": perf_counter() - started}
@@ -81,9 +82,8 @@ def power(
         seconds=seconds,
         command=command,
     )
-    (out / "report").mkdir(exist_ok=True)
-    (out / "report" / "index.html").write_text(render_power(report), encoding="utf-8")
-    (out / "power.csv").write_text(_csv(curves), encoding="utf-8")
+    write_text(render_power(report), out / "report" / "index.html")
+    write_text(_csv(curves), out / "power.csv")
     write_json(summary, out / "summary.json")
     return summary
 
@@ -104,38 +104,6 @@ def _taught(path: Path, ours: str) -> Taught:
     if len(rows) < 2:
         raise NotAStudy(f"{path} has {len(rows)} people with every condition; 2 are needed.")
     return names, np.array(rows)
-
-
-def _open_folder(design: PowerDesign, out: Path, drawn: Taught | None, force: bool) -> None:
-    wanted = json.loads(
-        json.dumps(
-            {"schema": SCHEMA, "block": BLOCK, **design.identity()}
-            | {"taught": None if drawn is None else [list(drawn[0]), drawn[1].tolist()]}
-        )
-    )
-    try:
-        if out.exists() and not out.is_dir():
-            raise OutputError(f"{out} is a file; choose a folder for --out.")
-        if out.is_dir() and any(out.iterdir()) and _kept(out) != wanted:
-            if not force:
-                raise OutputError(
-                    f"{out} holds something else, or another design; choose another folder, give "
-                    f"the same design to go on, or add --force to begin anew."
-                )
-            shutil.rmtree(out)
-        (out / BLOCKS).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"Cannot write to {out}: {error.strerror or error}; choose another --out."
-        ) from error
-    write_json(wanted, out / RUN_FILE)
-
-
-def _kept(out: Path) -> Any:
-    try:
-        return json.loads((out / RUN_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
 
 
 def _block_path(out: Path, people: int, number: int) -> Path:

@@ -13,7 +13,7 @@ from steerlab.learning.series import LabelSeries, series_from_table
 from steerlab.learning.splits import StudySplit
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.files.kept_files import keeping
+from steerlab.sim.files.run_folder import keeping
 from steerlab.sim.labelling import labelled_table
 from steerlab.sim.out_of_family import OutOfFamilyKind, sample_out_of_family
 from steerlab.sim.populations import sample_population

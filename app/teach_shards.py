@@ -12,8 +12,8 @@ from PIL import Image
 
 from steerlab.learning.agents import Episode, RoundResult, TaskEnv
 from steerlab.learning.policy import PolicyNetwork, save_policy
-from steerlab.sim.files.kept_files import keeping
 from steerlab.sim.files.output_folder import OutputError
+from steerlab.sim.files.run_folder import keeping
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.world import REACH_M
 

@@ -19,8 +19,8 @@ from steerlab.app.teach_shards import (
 from steerlab.app.teach_worker import TaughtUnit, Unit, Workshop, open_workshop, run_unit
 from steerlab.sim.engine.gl import draw_without_threads
 from steerlab.sim.errors import SteerlabError
-from steerlab.sim.files.kept_files import write_json
 from steerlab.sim.files.machine import worker_count
+from steerlab.sim.files.run_folder import write_json
 from steerlab.sim.unusual_teachers import UnusualTeacher
 
 Progress = Callable[[str, float], None]

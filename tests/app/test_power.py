@@ -69,7 +69,7 @@ def test_stopped_by_hand_it_says_how_to_go_on(tmp_path, capsys, monkeypatch):
 def test_another_design_in_the_folder_is_refused(tmp_path, capsys):
     out = tmp_path / "p"
     run(capsys, out, "--people", "12")
-    assert "or another design" in run(capsys, out, "--noise", "low", code=2)
+    assert "noise was human and is now low" in run(capsys, out, "--noise", "low", code=2)
     run(capsys, out, "--noise", "low", "--force")
     (out / "blocks" / "n0012-0000.json").write_text("half a fi")
     assert "is damaged" in run(capsys, out, "--noise", "low", code=2)

@@ -36,7 +36,7 @@ from steerlab.learning.presets import LAB
 from steerlab.learning.windows import WindowConfig
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.files.kept_files import write_json
+from steerlab.sim.files.run_folder import write_json
 from steerlab.sim.files.output_folder import OutputError
 from steerlab.sim.populations import sample_population
 from steerlab.sim.tasks import draw_task_start
