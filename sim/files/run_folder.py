@@ -12,7 +12,6 @@ from safetensors import SafetensorError
 from steerlab.sim.files.output_folder import OutputError
 from steerlab.sim.files.whole_file import whole_file
 
-
 _LONGEST_DIFFERENCE = 120  # characters; a table of outcomes is not printed
 
 
