@@ -17,6 +17,14 @@ from steerlab.sim.unusual_teachers import Quirk, UnusualTeacher, sample_unusual
 
 OutOfFamilyKind = Literal["asymmetric", "bang-bang", "dither", "late-braking", "fatigue"]
 OUT_OF_FAMILY: tuple[OutOfFamilyKind, ...] = get_args(OutOfFamilyKind)
+_NUMBERS: dict[OutOfFamilyKind, int] = {
+    "asymmetric": 0,
+    "bang-bang": 1,
+    "dither": 2,
+    "late-braking": 3,
+    "fatigue": 4,
+}
+"""By kind, its number in seeds: whoever adds a kind gives it the next one."""
 _STREAM = 0x0DD
 
 
@@ -105,7 +113,7 @@ def sample_out_of_family(
     if family == "asymmetric":
         return sample_unusual("asymmetric", kind, count, seed, prefix=prefix)
     scripted = sample_population(kind, count, seed, prefix=prefix)
-    root = np.random.SeedSequence([_STREAM, seed, OUT_OF_FAMILY.index(family), *prefix.encode()])
+    root = np.random.SeedSequence([_STREAM, seed, _NUMBERS[family], *prefix.encode()])
     return [
         UnusualTeacher(teacher, _draw(family, np.random.default_rng(child)))
         for teacher, child in zip(scripted, root.spawn(count), strict=True)

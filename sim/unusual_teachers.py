@@ -18,6 +18,14 @@ from steerlab.sim.scripted_teacher import ScriptedTeacher, WholeResponse, stimul
 
 QuirkKind = Literal["asymmetric", "power", "underdamped", "hold", "lapses"]
 QUIRKS: tuple[QuirkKind, ...] = get_args(QuirkKind)
+_NUMBERS: dict[QuirkKind, int] = {
+    "asymmetric": 0,
+    "power": 1,
+    "underdamped": 2,
+    "hold": 3,
+    "lapses": 4,
+}
+"""By kind, its number in seeds: whoever adds a kind gives it the next one."""
 
 Quirk = Callable[[FloatArray, float, np.random.Generator], FloatArray]
 """(stimulus (steps,), step_s, rng) -> what the teacher responds to, (steps,)."""
@@ -176,7 +184,7 @@ def sample_unusual(
     if quirk not in QUIRKS:
         raise InvalidConfig(f"No quirk {quirk!r}; choose one of {', '.join(QUIRKS)}.")
     scripted = sample_population(kind, count, seed, prefix=prefix)
-    root = np.random.SeedSequence([_QUIRK_STREAM, seed, QUIRKS.index(quirk), *prefix.encode()])
+    root = np.random.SeedSequence([_QUIRK_STREAM, seed, _NUMBERS[quirk], *prefix.encode()])
     return [
         UnusualTeacher(teacher, _draw(quirk, np.random.default_rng(child)))
         for teacher, child in zip(scripted, root.spawn(count), strict=True)

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from steerlab.sim.engine.driving import Driving
 from steerlab.sim.errors import InvalidConfig, NoPath
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.ground_truth import OracleLabels, Planner, PlannerConfig, sample_starts
 from steerlab.sim.ground_truth.distance_grid import body_of, clearance_at, distance_grid
+from steerlab.sim.rollout import Outcome
 from steerlab.sim.world import REACH_M, WorldSpec
 
 FloatArray = NDArray[np.float64]
@@ -49,7 +51,12 @@ def test_a_start_needs_more_room_than_a_label(wall_planner: Planner) -> None:
 
 
 def test_inside_the_locked_room_the_ball_is_reached(locked_room: Planner) -> None:
-    locked_room.label(Pose2D(-8.0, 0.0, 0.0), 5.0)
+    with Driving(locked_room.world) as car:
+        state = car.reset(start=Pose2D(-8.0, 0.0, 0.0))
+        while car.outcome is Outcome.RUNNING:
+            car.step(locked_room.label(state.pose, float(state.velocity[0])))
+            state = car.state
+        assert car.outcome is Outcome.BALL_REACHED
 
 
 def _weave(steps: int) -> tuple[FloatArray, FloatArray]:
