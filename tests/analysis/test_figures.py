@@ -138,7 +138,13 @@ def test_a_crowd_is_drawn_as_pixels_and_stays_small(arrays):
 @pytest.mark.parametrize("value", [-400.0, -0.3, 0.0, 0.99])
 def test_ladder_of_one_method_far_from_the_rest(value: float):
     same = (value, value - 0.1, value + 0.1)
-    draw(improvement_figure({"mind_meld": {"seen": same, "new": same}}))
+    figure = improvement_figure({"mind_meld": {"seen": same, "new": same}})
+    (axes,) = figure.axes
+    left, right = axes.get_xlim()
+    assert left <= value - 0.1
+    assert value + 0.1 <= right  # the whole interval is on the page
+    assert texts(figure) == {"MIND MELD"}
+    draw(figure)
 
 
 def test_a_ladder_with_holes_is_refused():
@@ -202,7 +208,15 @@ def test_embeddings_of_odd_populations_still_draw(people: int, dimensions: int, 
     gain = np.exp(spread * rng.normal(size=people + 2))
     delay_s = spread * rng.normal(size=people + 2)
     seen, new = rng.normal(size=(people, dimensions)), rng.normal(size=(2, dimensions))
-    draw(embedding_figure(seen, new, gain, delay_s))
+    figure = embedding_figure(seen, new, gain, delay_s)
+    for axes in figure.axes[:2]:
+        shown = [dots.get_offsets() for dots in axes.collections]
+        assert [len(points) for points in shown] == [people, 2]
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        for x, y in np.concatenate(shown):  # each person is on the page
+            assert left <= x <= right
+            assert low <= y <= high
+    draw(figure)
 
 
 def test_embeddings_that_do_not_match_are_refused():
