@@ -1,8 +1,7 @@
 """A program: draws and trains in the order it is told, around one command of the command line.
 
 ``draw_and_train.py draw,train,verb,draw,train -- simulate --out DIR``. Where a verb would wait for
-a person or a browser, ``interrupt:SECONDS`` in the place of ``verb`` runs it until Ctrl+C, which
-is pressed every second from then on: one alone may fall into a moment that ignores it.
+a person or a browser, ``interrupt:SECONDS`` in the place of ``verb`` runs it until Ctrl+C.
 """
 
 import signal
@@ -34,33 +33,26 @@ def train() -> None:
 
 
 def run(steps: list[str], command: list[str]) -> int:
-    """Each step in turn, until one fails."""
+    """Each step in turn, until one fails; 1 if the verb found something wrong."""
     from steerlab.app.cli import main
 
+    worst = 0
     for step in steps:
         if step in ("draw", "train"):
             {"draw": draw, "train": train}[step]()
             continue
-        ended = threading.Event()
         if step.startswith("interrupt:"):
             wait_s = float(step.partition(":")[2])
-            threading.Thread(target=_interrupt, args=(wait_s, ended), daemon=True).start()
-        try:
-            code = main(command)
-        except KeyboardInterrupt:  # one more, on the way out
-            code = 0
-        ended.set()
-        if code not in (0, 128 + signal.SIGINT):
+            threading.Timer(wait_s, signal.raise_signal, [signal.SIGINT]).start()
+        code = main(command)
+        if code not in (0, 1, 128 + signal.SIGINT):  # 1: done, and it found something wrong
             return code
-    return 0
-
-
-def _interrupt(wait_s: float, ended: threading.Event) -> None:
-    while not ended.wait(wait_s):
-        signal.raise_signal(signal.SIGINT)
-        wait_s = 1.0
+        worst = max(worst, int(code == 1))
+    return worst
 
 
 if __name__ == "__main__":
+    # Whoever is started in the background of a script is told to ignore Ctrl+C.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     split = sys.argv.index("--")
     sys.exit(run(sys.argv[1].split(","), sys.argv[split + 1 :]))

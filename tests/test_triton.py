@@ -105,15 +105,15 @@ def study(tmp_path_factory):
 
 
 def test_without_care_the_process_dies(tmp_path):
-    """What the others guard against; if this fails, drivers have changed and the guard may go."""
+    """What the others guard against, where there is such a driver: Debian 12 has, Debian 13 not."""
     code = (
         "import mujoco.egl; context = mujoco.egl.GLContext(8, 8); context.make_current(); "
         "import triton"
     )
-    maps = "; print(open('/proc/self/maps').read().count('/libLLVM'))"
-    if int(_run("-c", code.partition("; import triton")[0] + maps, folder=tmp_path).stdout) == 0:
-        pytest.skip("the OpenGL driver here does not load LLVM")
-    assert _run("-c", code, folder=tmp_path, MUJOCO_GL="egl").returncode == -11
+    ended = _run("-c", code, folder=tmp_path, MUJOCO_GL="egl").returncode
+    if ended == 0:
+        pytest.skip("the OpenGL driver here keeps its LLVM to itself")
+    assert ended == -11
 
 
 def test_someone_else_may_have_drawn_first(tmp_path):
@@ -139,5 +139,9 @@ def test_every_verb_draws_and_trains_in_any_order(verb, order, study, display, t
     filled = [argument.format(study=study) for argument in arguments]
     steps = order.format(how)
     done = _run(PROGRAM, steps, "--", verb, *filled, folder=tmp_path, DISPLAY=display)
-    assert done.returncode == 0, done.stdout + done.stderr
+    if verb == "doctor":  # it may find this machine slow, and says so with 1
+        assert "ok   Drawing, training  in one process, with Triton" in done.stdout
+        assert done.returncode in (0, 1)
+    else:
+        assert done.returncode == 0, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
