@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from steerlab.analysis.figures.ladder import Interval
-from steerlab.analysis.figures.placement import FloatArray
 from steerlab.analysis.page import render_page
 from steerlab.analysis.summary import MAPPER, SPLITS, InvalidSummary, Summary
 from steerlab.analysis.wording import comparison, headline, left_out_reasons
+from steerlab.sim.arrays import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,19 +2,24 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from math import isfinite
 from numbers import Integral, Real
 from typing import Any, Self
 
-from steerlab.analysis.json_reader import InvalidSummary, JsonReader
 from steerlab.learning.label_quality import LabelQuality
+from steerlab.sim.errors import InvalidValue, SteerlabError
+from steerlab.sim.files.structured import json_values, structured, versioned, within_file
 
 SUMMARY_SCHEMA = 1
 DIGITS = 6  # floats in JSON: below this, two machines may differ for the same seed
 SPLITS = ("seen", "new")
 STYLES = ("gain", "delay")
 MAPPER = "mind_meld"
+
+
+class InvalidSummary(SteerlabError, ValueError):
+    """What was found cannot be summed up: nobody is left to judge, or a number is not defined."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,21 +82,23 @@ class SplitSummary:
         )
 
     def __post_init__(self) -> None:
-        for name, value in (("people", self.people), ("labels", self.labels)):
-            if value < 1:
-                raise InvalidSummary(f"{name} is {value}; a split has at least one.")
+        for name in ("people", "labels"):
+            if getattr(self, name) < 1:
+                raise InvalidValue(name, getattr(self, name), "1 or more")
         for name in ("mae_before", "mae_after", "person_median", "per_sample_percent"):
-            _finite(name, getattr(self, name))
+            _check_finite(name, getattr(self, name))
         for name in ("people_improved", "labels_worsened"):
             if not 0.0 <= getattr(self, name) <= 1.0:
-                raise InvalidSummary(f"{name} is {getattr(self, name)}; a share is in 0 to 1.")
+                raise InvalidValue(name, getattr(self, name), "a share, from 0 to 1")
         for method, value in self.improvement.items():
-            _finite(f"improvement of {method}", value)
+            _check_finite(f"improvement.{method}", value)
         if MAPPER not in self.improvement:
-            raise InvalidSummary(f"improvement has {sorted(self.improvement)}, not {MAPPER!r}.")
-        low, high = (_finite("ci95", limit) for limit in self.ci95)
-        if low > high:
-            raise InvalidSummary(f"ci95 is {self.ci95}; give the lower limit first.")
+            allowed = f"of several methods, one of them {MAPPER!r}"
+            raise InvalidValue("improvement", sorted(self.improvement), allowed)
+        for place, limit in enumerate(self.ci95):
+            _check_finite(f"ci95[{place}]", limit)
+        if self.ci95[0] > self.ci95[1]:
+            raise InvalidValue("ci95", [*self.ci95], "the lower limit first, then the upper one")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -110,7 +117,7 @@ class StyleSummary:
         for name in ("probe_r2", "spearman_new"):
             value = getattr(self, name)
             if value is not None:
-                _finite(name, value)
+                _check_finite(name, value)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -121,7 +128,7 @@ class Summary:
         left_out: methods that were not judged, and why, as a clause.
 
     Raises:
-        InvalidSummary: a split or style is missing, the splits have different methods, or a method
+        InvalidValue: a split or style is missing, the splits have different methods, or a method
             is both judged and left out.
     """
 
@@ -140,16 +147,16 @@ class Summary:
             ("style", self.style, STYLES),
         ):
             if set(found) != set(wanted):
-                raise InvalidSummary(f"{name} has {sorted(found)}; give {sorted(wanted)}.")
+                raise InvalidValue(name, sorted(found), f"of {' and '.join(sorted(wanted))}")
         for name, value in self.seconds.items():
-            _finite(f"seconds.{name}", value)
+            _check_finite(f"seconds.{name}", value)
         methods = [set(self.splits[split].improvement) for split in SPLITS]
         if methods[0] != methods[1]:
-            raise InvalidSummary(
-                f"Methods differ between splits: {sorted(methods[0] ^ methods[1])} is in one only."
-            )
+            odd = sorted(methods[0] ^ methods[1])
+            raise InvalidValue("splits", odd, "methods of both splits, not of one only")
         if both := sorted(methods[0] & set(self.left_out)):
-            raise InvalidSummary(f"{both[0]!r} is judged and left out; it can be one only.")
+            allowed = "of methods that are not judged, which this one is"
+            raise InvalidValue(f"left_out.{both[0]}", self.left_out[both[0]], allowed)
 
     def reproducible(self) -> dict[str, Any]:
         """What the same seed must give again: everything but ``versions`` and ``seconds``."""
@@ -181,63 +188,17 @@ class Summary:
         """The inverse of ``to_json``, up to rounding.
 
         Raises:
-            InvalidSummary: the text is no JSON, of another schema, or a value is missing, unknown
+            InvalidConfig: the text is no JSON, of another schema, or a value is missing, unknown
                 or wrong; the message names the place.
         """
-        top = JsonReader.of_text(text)
-        schema = top["schema"].integer()
-        if schema != SUMMARY_SCHEMA:
-            raise InvalidSummary(
-                f"The summary has schema {schema}, this steerlab reads {SUMMARY_SCHEMA}; read it "
-                f"with the version that wrote it."
-            )
-        top.only("schema", *(field.name for field in fields(cls)))
-        return cls(
-            verb=top["verb"].text(),
-            seed=top["seed"].integer(),
-            noise=top["noise"].text(),
-            versions={name: value.text() for name, value in top["versions"].items().items()},
-            seconds={name: value.number() for name, value in top["seconds"].items().items()},
-            splits={name: _split(value) for name, value in top["splits"].items().items()},
-            left_out={name: value.text() for name, value in top["left_out"].items().items()},
-            style={name: _style(value) for name, value in top["style"].items().items()},
-        )
+        values = json_values(text, "The summary")
+        with within_file(""):
+            return structured(cls, versioned(cls, values, "schema", SUMMARY_SCHEMA))
 
 
-def _split(part: JsonReader) -> SplitSummary:
-    part.only(*(field.name for field in fields(SplitSummary)))
-    try:
-        return SplitSummary(
-            people=part["people"].integer(),
-            labels=part["labels"].integer(),
-            mae_before=part["mae_before"].number(),
-            mae_after=part["mae_after"].number(),
-            improvement={name: v.number() for name, v in part["improvement"].items().items()},
-            ci95=part["ci95"].pair(),
-            person_median=part["person_median"].number(),
-            people_improved=part["people_improved"].number(),
-            labels_worsened=part["labels_worsened"].number(),
-            per_sample_percent=part["per_sample_percent"].number(),
-        )
-    except InvalidSummary as error:
-        message = str(error)
-        raise InvalidSummary(
-            message if message.startswith(part.place) else f"{part.place}: {message}"
-        ) from error
-
-
-def _style(part: JsonReader) -> StyleSummary:
-    part.only(*(field.name for field in fields(StyleSummary)))
-    return StyleSummary(
-        probe_r2=part["probe_r2"].optional_number(),
-        spearman_new=part["spearman_new"].optional_number(),
-    )
-
-
-def _finite(name: str, value: float) -> float:
+def _check_finite(path: str, value: float) -> None:
     if not isfinite(value):
-        raise InvalidSummary(f"{name} is {value}; a summary holds finite numbers only.")
-    return value
+        raise InvalidValue(path, value, "a finite number")
 
 
 def _rounded(value: Any) -> Any:

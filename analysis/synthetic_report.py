@@ -8,9 +8,15 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from steerlab.analysis.json_reader import InvalidSummary
 from steerlab.analysis.page import render_page
-from steerlab.analysis.summary import DIGITS, MAPPER, SUMMARY_SCHEMA, SplitSummary, StyleSummary
+from steerlab.analysis.summary import (
+    DIGITS,
+    MAPPER,
+    SUMMARY_SCHEMA,
+    InvalidSummary,
+    SplitSummary,
+    StyleSummary,
+)
 from steerlab.analysis.wording import left_out_reasons, percent, percent_range, teachers
 
 SYNTHETIC_SPLITS = ("calibration", "unseen", "new")

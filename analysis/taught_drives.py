@@ -10,11 +10,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from steerlab.analysis.figures.learners import learner_looks, learner_name
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import WorldSpec
 from steerlab.study.recording import layout
 from steerlab.study.recording.errors import RecordingUnavailable
-from steerlab.study.recording.layout import FloatArray
 from steerlab.study.recording.scene import log_world
 from steerlab.study.recording.whole_recording import whole_recording
 

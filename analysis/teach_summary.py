@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from steerlab.analysis.json_reader import InvalidSummary
 from steerlab.analysis.statistics.bootstrap import percentile_interval, resample_counts
 from steerlab.analysis.statistics.corrections import holm
 from steerlab.analysis.statistics.outcome import NotComputable, too_few
 from steerlab.analysis.statistics.paired import wilcoxon
-from steerlab.sim.rollout import FloatArray
+from steerlab.analysis.summary import InvalidSummary
+from steerlab.sim.arrays import FloatArray
 
 SCHEMA = 1
 METRICS = ("final_distance_m", "success")  # tested; lower and higher is better

@@ -10,8 +10,8 @@ from steerlab.analysis.report import LabelsCaption, ladder_of
 from steerlab.analysis.summary import SPLITS, SplitSummary, StyleSummary, Summary
 from steerlab.learning.cross_validation import CrossValidation, Prediction
 from steerlab.learning.label_table import LabelTable
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.files.provenance import versions
-from steerlab.sim.rollout import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 

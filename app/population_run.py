@@ -15,11 +15,12 @@ from steerlab.learning.presets import preset
 from steerlab.learning.probe import StyleProbe, style_parameters
 from steerlab.learning.series import LabelSeries, series_from_table
 from steerlab.learning.splits import StudySplit, split_rollouts, split_study
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.labelling import labelled_table
 from steerlab.sim.populations import PopulationKind, sample_population
-from steerlab.sim.rollout import FloatArray, Rollout
+from steerlab.sim.rollout import Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.teleop.loop import label_rollout
 

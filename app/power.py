@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from math import ceil
@@ -21,12 +20,13 @@ from steerlab.analysis.study_data.conditions_file import read_conditions
 from steerlab.analysis.study_data.errors import NotAStudy
 from steerlab.analysis.study_data.networks import Progress
 from steerlab.analysis.study_tables.conditions import outcome_table
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.files.machine import worker_count
 from steerlab.sim.files.output_folder import OutputError
 from steerlab.sim.files.provenance import versions
 from steerlab.sim.files.run_folder import open_run_folder, write_json, write_text
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.files.structured import json_values, structured, utf8_text, within_file
 
 RUN_FILE, BLOCKS, SCHEMA = "power.json", "blocks", 1
 Taught = tuple[tuple[str, ...], FloatArray]
@@ -158,11 +158,12 @@ def _curves(design: PowerDesign, out: Path) -> list[PowerCurve]:
 
 def _read(path: Path) -> dict[str, int]:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        return {str(test): int(count) for test, count in found.items()}
-    except (ValueError, AttributeError, TypeError) as error:
+        values = json_values(utf8_text(path), str(path))
+        with within_file(str(path)):
+            return structured(dict[str, int], values)
+    except InvalidConfig as error:
         raise OutputError(
-            f"{path} is damaged ({error}); remove it, and the same command makes it again."
+            f"{path} is damaged; remove it, and the same command makes it again. {error}"
         ) from error
 
 

@@ -1,6 +1,5 @@
 """One file a teacher, written whole or not at all, so that an interrupted run goes on."""
 
-import json
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from io import BytesIO
@@ -10,14 +9,15 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from steerlab.analysis.study_data.teach_shard import read_teach_shard
 from steerlab.learning.agents import Episode, RoundResult, TaskEnv
 from steerlab.learning.policy import PolicyNetwork, save_policy
+from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.files.output_folder import OutputError
 from steerlab.sim.files.run_folder import keeping
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.world import REACH_M
 
-SHARD_SCHEMA = 2  # 2: by learner seed, so that seeds can be added
 SHOWN_FRAMES = 6
 _PATH_EVERY = 10  # control steps between the points of a drawn path
 _DIGITS = 4
@@ -51,15 +51,12 @@ def read_shard(path: Path) -> dict[str, Any]:
         OutputError: it is damaged or of another version.
     """
     try:
-        shard = json.loads(path.read_text(encoding="utf-8"))
-        schema = shard["schema"]
-    except (ValueError, KeyError, TypeError) as error:
+        return read_teach_shard(path)[1]
+    except InvalidConfig as error:
         raise OutputError(
-            f"{path} is damaged ({error}); remove it, and the same command makes it again."
+            f"{path} is damaged or of another steerlab; remove it, and the same command makes it "
+            f"again. {error}"
         ) from error
-    if schema != SHARD_SCHEMA:
-        raise OutputError(f"{path} has schema {schema}, not {SHARD_SCHEMA}; remove the folder.")
-    return shard
 
 
 def round_values(result: RoundResult) -> dict[str, Any]:
@@ -104,14 +101,14 @@ def final_drives(results: Sequence[RoundResult]) -> list[dict[str, Any]]:
     ]
 
 
-def shown_frames(stage: TaskEnv, episode: Episode) -> list[str]:
+def shown_frames(env: TaskEnv, episode: Episode) -> list[str]:
     """What the camera saw, evenly spread over the drive: base64 of PNG, 64 x 64."""
     rollout = episode.rollout
     frames: list[str] = []
     for row in np.linspace(0, len(episode.rows) - 1, SHOWN_FRAMES).round().astype(int):
-        stage.driving.restore(rollout.physics_state[episode.rows[row]])
+        env.driving.restore(rollout.physics_state[episode.rows[row]])
         file = BytesIO()
-        Image.fromarray(stage.frame()).save(file, "PNG")
+        Image.fromarray(env.frame()).save(file, "PNG")
         frames.append(b64encode(file.getvalue()).decode("ascii"))
     return frames
 

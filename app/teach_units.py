@@ -8,15 +8,11 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from steerlab.analysis.study_data.teach_shard import SHARD_SCHEMA
 from steerlab.app.teach_config import TeachConfig
 from steerlab.app.teach_people import Person, Prepared
-from steerlab.app.teach_shards import (
-    SHARD_SCHEMA,
-    missing,
-    read_shard,
-    shard_path,
-)
-from steerlab.app.teach_worker import TaughtUnit, Unit, Workshop, open_workshop, run_unit
+from steerlab.app.teach_shards import missing, read_shard, shard_path
+from steerlab.app.teach_worker import TaughtUnit, Unit, UnitRunner, open_runner, run_unit
 from steerlab.sim.engine.gl import draw_without_threads
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.machine import worker_count
@@ -67,7 +63,7 @@ def run_units(
     pool = ProcessPoolExecutor(
         max_workers=worker_count(jobs, len(units)),
         mp_context=get_context("spawn"),  # a fork would share torch's and OpenGL's state
-        initializer=open_workshop,
+        initializer=open_runner,
         initargs=(config, prepared.mappers, out),
     )
     try:
@@ -102,19 +98,19 @@ def _run_here(
     out: Path,
     progress: Progress,
 ) -> None:
-    workshop, left_out = Workshop(config, prepared.mappers, out), set[str]()
+    runner, left_out = UnitRunner(config, prepared.mappers, out), set[str]()
     try:
         for done, unit in enumerate(units):
             if unit.teacher.name in left_out:
                 continue
-            taught = workshop.run(
+            taught = runner.run(
                 unit, lambda share, done=done: progress("teaching", (done + share) / len(units))
             )
             if taught.left_out:
                 left_out.add(unit.teacher.name)
             _keep(taught, out)
     finally:
-        workshop.close()
+        runner.close()
     progress("teaching", 1.0)
 
 

@@ -15,9 +15,9 @@ from steerlab.learning.agents import (
     Episode,
     Judging,
     TaskEnv,
-    demonstrate,
+    demonstrate_offline,
     make_agent,
-    teach,
+    teach_offline,
 )
 from steerlab.learning.mapper import LabelMapper
 from steerlab.learning.policy_training import TrainingDiverged
@@ -48,8 +48,8 @@ class TaughtUnit:
     left_out: str | None
 
 
-class Workshop:
-    """A stage and the mappers, kept from unit to unit.
+class UnitRunner:
+    """A task's environment and the mappers, kept from unit to unit.
 
     Args:
         folder: of the run; the first learner seed's policies go to its ``policies``.
@@ -59,7 +59,7 @@ class Workshop:
         self, config: TeachConfig, mappers: Mapping[str, LabelMapper], folder: Path
     ) -> None:
         self._config, self._mappers, self._folder = config, mappers, folder
-        self._stage = TaskEnv(config.make_task(), seed=config.seed)
+        self._env = TaskEnv(config.make_task(), seed=config.seed)
         self._judging: dict[int, Judging] = {}
         self._teacher = ""  # whose demonstrations are kept, by seed
         self._shown: dict[int, tuple[Episode, int]] = {}
@@ -81,16 +81,16 @@ class Workshop:
         return TaughtUnit(unit=unit, failed_demonstrations=failed, result=result, left_out=None)
 
     def close(self) -> None:
-        """Free the stage."""
-        self._stage.close()
+        """Free the environment."""
+        self._env.close()
 
     def _demonstration(self, unit: Unit) -> tuple[Episode, int]:
         """All learners of a teacher and seed begin with the same."""
         if self._teacher != unit.teacher.name:
             self._teacher, self._shown = unit.teacher.name, {}
         if unit.seed not in self._shown:
-            self._shown[unit.seed] = demonstrate(
-                self._stage, unit.teacher, self._config.teaching, seed=unit.seed
+            self._shown[unit.seed] = demonstrate_offline(
+                self._env, unit.teacher, self._config.teaching, seed=unit.seed
             )
         return self._shown[unit.seed]
 
@@ -99,8 +99,8 @@ class Workshop:
     ) -> dict[str, Any]:
         first = unit.seed == 0
         try:
-            learner, results = teach(
-                self._stage,
+            learner, results = teach_offline(
+                self._env,
                 make_agent(unit.learner, self._mappers),
                 unit.teacher,
                 demonstration,
@@ -117,26 +117,26 @@ class Workshop:
         return {
             "by_round": [round_values(result) for result in results],
             "final_drives": final_drives(results),
-            "frames": shown_frames(self._stage, results[-1].episode) if first else [],
+            "frames": shown_frames(self._env, results[-1].episode) if first else [],
         }
 
     def _judge(self, seed: int) -> Judging:
         """The starts of a learner seed: the same for every teacher and condition."""
         if seed not in self._judging:
-            starts = self._stage.screened(self._config.starts, "judge", seed).starts
+            starts = self._env.screened(self._config.starts, "judge", seed).starts
             self._judging[seed] = Judging(
                 on_the_way=starts[: self._config.starts_on_the_way], at_the_end=starts
             )
         return self._judging[seed]
 
 
-_OPEN: list[Workshop] = []  # of this worker process; made once, used for each of its teachers
+_OPEN: list[UnitRunner] = []  # of this worker process; made once, used for each of its teachers
 
 
-def open_workshop(config: TeachConfig, mappers: Mapping[str, LabelMapper], folder: Path) -> None:
+def open_runner(config: TeachConfig, mappers: Mapping[str, LabelMapper], folder: Path) -> None:
     """Initialise a worker process."""
     torch.set_num_threads(1)
-    _OPEN.append(Workshop(config, mappers, folder))
+    _OPEN.append(UnitRunner(config, mappers, folder))
 
 
 def run_unit(unit: Unit) -> TaughtUnit:

@@ -16,8 +16,8 @@ from benchmarks.rows import Row, at_least, at_most, print_rows
 from steerlab.learning.pretrained.mapper import SimPretrainedMapper
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.splits import RolloutSplit, StudySplit, split_study
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.populations import PopulationKind
-from steerlab.sim.rollout import FloatArray
 
 SHARES = (0.5, 0.8, 0.95)
 MOST_OFF = 0.05  # of a coverage

@@ -8,9 +8,9 @@ from statistics import mean
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.rows import Row, at_least, at_most, print_rows
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.engine.driving import Driving
 from steerlab.sim.errors import NoPath
 from steerlab.sim.geometry import Pose2D
@@ -24,8 +24,6 @@ from steerlab.sim.world_generator import generate_world
 FIRST_WORLD, WORLDS, STARTS = 300, 10, 25
 LABEL_EVERY = 2  # control steps: labels at 10 Hz
 FULL_LOCK = 0.999 * WHEEL_LIMIT
-
-FloatArray = NDArray[np.float64]
 
 
 def excess_over_optimum(planner: Planner, rng: np.random.Generator, count: int) -> list[float]:

@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.rows import Row, at_most, print_rows
 from benchmarks.teleop import xvfb
 from steerlab.learning.agents import PolicyLearner, TaskEnv, make_agent
+from steerlab.learning.agents.drive import RoundDrive
 from steerlab.learning.policy import IMAGE_SHAPE, MOTION_SIZE, Observations
 from steerlab.learning.policy_training import TrainingRows
 from steerlab.sim.records import LabelledStep
@@ -24,9 +25,9 @@ from steerlab.sim.tasks import make_task
 from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
 from steerlab.study.recording.writer import AttemptWriter
 from steerlab.study.teaching.conditions import TAUGHT
-from steerlab.study.teaching.learning import warm_up
-from steerlab.study.teaching.live_scripted_device import LiveScriptedDevice
-from steerlab.study.teaching.round_drive import RoundDrive, make_lesson
+from steerlab.study.teaching.live_round import LiveRound, make_live_round
+from steerlab.study.teaching.run_teaching import warm_up
+from steerlab.study.teaching.scripted_interface import LiveScriptedDevice
 from steerlab.teleop.drives.live import LiveDrive
 from steerlab.teleop.loop import run_drive
 from steerlab.teleop.pacing import PacingConfig, WallClock, no_garbage_collection
@@ -85,22 +86,22 @@ def driving(drives: int) -> list[Row]:
         xvfb(),
         SdlEvents(window=True) as events,
         open_screen(events) as screen,
-        TaskEnv(make_task("slalom"), seed=0) as stage,
+        TaskEnv(make_task("slalom"), seed=0) as env,
     ):
-        warm_up(stage, agent)
-        screen.enter(stage.task.world)
+        warm_up(env, agent)
+        screen.enter(env.task.world)
         clock = WallClock(PacingConfig(), events.poll)
         info = SessionInfo(
             participant="P001",
             role="test",
-            device=LiveScriptedDevice(teacher, _lesson(stage, 1)).info,
+            device=LiveScriptedDevice(teacher, _round(env, 1)).info,
             control_hz=20.0,
         )
         with SessionRecorder(Path(folder) / "study", info) as recorder:
             for number in range(1, drives + 1):
-                lesson = _lesson(stage, number)
-                drive = _Timed(lesson.drive, step_ms)
-                hand = LiveScriptedDevice(teacher, lesson)
+                live = _round(env, number)
+                drive = _Timed(live.drive, step_ms)
+                hand = LiveScriptedDevice(teacher, live)
                 record = recorder.begin(drive)
                 sink = _Sink(record, timings)
                 with no_garbage_collection():
@@ -112,10 +113,10 @@ def driving(drives: int) -> list[Row]:
                         attempt=record.attempt,
                         clock=clock,
                         sink=sink,
-                        show=lambda fraction, lesson=lesson: _show(screen, lesson, clock, fraction),
+                        show=lambda fraction, live=live: _show(screen, live, clock, fraction),
                     )
                 record.finish()
-                decision_ms += [ns / 1e6 for ns in lesson.robot.decision_ns]
+                decision_ms += [ns / 1e6 for ns in live.robot.decision_ns]
                 frame_ns += clock.frame_ns
                 dropped += clock.dropped
         drawn = str(screen.resolution)
@@ -133,7 +134,7 @@ def driving(drives: int) -> list[Row]:
 
 
 class _Timed(LiveDrive):
-    """The lesson's drive, its steps timed."""
+    """The round's drive, its steps timed."""
 
     def __init__(self, drive: LiveDrive, step_ms: list[float]) -> None:
         self.__dict__ |= drive.__dict__
@@ -156,29 +157,24 @@ class _Sink:
             self._timings.append(timing)
 
 
-def _lesson(stage: TaskEnv, number: int) -> RoundDrive:
-    return make_lesson(
-        stage,
-        TAUGHT["dagger"],
-        make_agent("dagger", {}),
-        PolicyLearner(number),
-        name=f"bench-{number}",
-        number=number,
-        attempt=0,
-        seed=0,
-    )
+def _round(env: TaskEnv, number: int) -> LiveRound:
+    context = env.context(f"bench-{number}", number=number, order=number, attempt=0)
+    gate = make_agent("dagger", {}).gate
+    learner = PolicyLearner(number)
+    drive = RoundDrive(env=env, context=context, gate=gate, learner=learner, seed=0)
+    return make_live_round(drive, TAUGHT["dagger"])
 
 
-def _show(screen: DriveScreen, lesson: RoundDrive, clock: WallClock, fraction: float) -> None:
+def _show(screen: DriveScreen, live: LiveRound, clock: WallClock, fraction: float) -> None:
     screen.show_drive(
         DriveView(
-            pose=lesson.drive.between(fraction).pose,
+            pose=live.drive.between(fraction).pose,
             elapsed_s=clock.elapsed_s,
-            number=lesson.number,
+            number=live.round_drive.number,
             count=ROUNDS,
             needle=0.0,
             device="bench",
-            instruction=lesson.during,
+            instruction=live.during,
         )
     )
 

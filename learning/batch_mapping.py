@@ -14,7 +14,7 @@ from steerlab.learning.pretrained.mapper import SimPretrainedMapper
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.training import torch_threads
 from steerlab.learning.windows import WindowConfig, Windows, make_windows
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 _STEPS_AT_ONCE = 50_000  # 8 MB of windows, some 80 MB while they are cut

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -11,14 +10,13 @@ from torch import Tensor
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.mind_meld import MindMeld
+from steerlab.learning.normal_equations import PeopleWindows, Sums, normal_equations
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.windows import Windows
 
-if TYPE_CHECKING:
-    from steerlab.learning.kernels.normal_equations import NormalEquations, Sums
-
 _COARSE = 4  # the first steps need only every fourth window,
 _LEAST_COARSE = 400  # of people who have as many
+_WINDOWS_AT_ONCE = 4096  # their states take 20 MB
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,25 +72,22 @@ def calibrate(
     """
     config = config or CalibrationConfig()
     with torch.no_grad():
-        rows = _rows(network, windows)
-        every = torch.ones_like(rows.counts)
-        coarse = torch.where(rows.counts < _LEAST_COARSE, 1, _COARSE)
-        embeddings = start.repeat(len(rows.counts), 1)
-        for strides, iterations in (
-            (coarse, config.coarse_iterations),
-            (every, config.iterations),
-        ):
+        encoding, difference, counts = _by_person(network, windows)
+        coarse = torch.where(counts < _LEAST_COARSE, 1, _COARSE)
+        few = PeopleWindows.of(network, encoding, difference, counts, coarse)
+        every = PeopleWindows.of(network, encoding, difference, counts, torch.ones_like(counts))
+        embeddings = start.repeat(len(counts), 1)
+        for rows, iterations in ((few, config.coarse_iterations), (every, config.iterations)):
             embeddings = _descend(
-                rows, embeddings, embedding_loss_weight, strides, iterations, config
+                network, rows, embeddings, embedding_loss_weight, iterations, config
             )
-        return _with_certainty(rows, embeddings)
+        return _with_certainty(network, every, embeddings)
 
 
 def encode(network: MindMeld, inputs: Tensor) -> Tensor:
     """Encode many windows: (rows, window, channels) -> (rows, k)."""
-    from steerlab.learning.kernels.halves import encode_windows
-
-    return encode_windows(network, inputs)
+    with torch.no_grad():
+        return torch.cat([network.encoder(some) for some in inputs.split(_WINDOWS_AT_ONCE)])
 
 
 def spread_rows(series: Sequence[LabelSeries], most: int) -> npt.NDArray[np.int64]:
@@ -109,9 +104,8 @@ def spread_rows(series: Sequence[LabelSeries], most: int) -> npt.NDArray[np.int6
     return np.sort(np.concatenate(chosen))
 
 
-def _rows(network: MindMeld, windows: Windows) -> "NormalEquations":
-    from steerlab.learning.kernels.normal_equations import NormalEquations
-
+def _by_person(network: MindMeld, windows: Windows) -> tuple[Tensor, Tensor, Tensor]:
+    """Encoding (windows, k) and difference (windows,) of one person after another; (people,) counts."""
     valid = torch.nonzero(windows.valid).squeeze(1)
     person = windows.person[valid]
     counts = torch.bincount(person, minlength=len(windows.people))
@@ -119,30 +113,27 @@ def _rows(network: MindMeld, windows: Windows) -> "NormalEquations":
         if count == 0:
             raise InvalidLabels(f"{name!r} has no valid label to calibrate on; label a rollout.")
     own = valid[torch.argsort(person, stable=True)]
-    encoding = encode(network, windows.inputs[own])
-    return NormalEquations(network, encoding, windows.difference[own], counts)
+    return encode(network, windows.inputs[own]), windows.difference[own], counts
 
 
 def _descend(
-    rows: "NormalEquations",
+    network: MindMeld,
+    rows: PeopleWindows,
     embeddings: Tensor,
     weight: float,
-    strides: Tensor,
     iterations: int,
     config: CalibrationConfig,
 ) -> Tensor:
     """Levenberg-Marquardt for everyone at once, each with their own damping."""
-    from steerlab.learning.kernels.normal_equations import Sums
-
     damping = torch.full((len(embeddings),), config.damping, dtype=torch.float64)
-    current, _ = rows.sums(embeddings, weight, strides)
+    current, _ = normal_equations(network, rows, embeddings, weight)
     for _ in range(iterations):
         step = _damped_step(current, damping)
         promised = (step * current.gradient).sum(1)
         if bool((promised <= config.tolerance * current.loss).all()):
             break
         candidate = embeddings - step.to(embeddings.dtype)
-        tried, _ = rows.sums(candidate, weight, strides)
+        tried, _ = normal_equations(network, rows, candidate, weight)
         better = tried.loss < current.loss
         embeddings = torch.where(better[:, None], candidate, embeddings)
         current = Sums(
@@ -155,22 +146,22 @@ def _descend(
     return embeddings
 
 
-def _damped_step(equations: "Sums", damping: Tensor) -> Tensor:
+def _damped_step(equations: Sums, damping: Tensor) -> Tensor:
     diagonal = equations.matrix.diagonal(dim1=1, dim2=2)
     floor = 1e-9 * diagonal.amax(dim=1, keepdim=True) + 1e-12  # a direction nothing depends on
     damped = equations.matrix + torch.diag_embed(damping[:, None] * diagonal + floor)
     return torch.linalg.solve(damped, equations.gradient)
 
 
-def _with_certainty(rows: "NormalEquations", embeddings: Tensor) -> CalibratedPeople:
+def _with_certainty(network: MindMeld, rows: PeopleWindows, embeddings: Tensor) -> CalibratedPeople:
     """What ``CalibratedPeople`` says of the embeddings."""
-    sums, residual = rows.sums(embeddings, 0.0, torch.ones_like(rows.counts))
-    counts = rows.counts.double()
+    sums, residual = normal_equations(network, rows, embeddings, 0.0)
+    counts = rows.there.double().sum(1)
     variance = sums.loss / (counts - embeddings.shape[1]).clamp(min=1.0)
     # Neighbouring windows share labels and noise. n of them whose residuals correlate by rho tell
     # as much as n (1 - rho) / (1 + rho) independent ones would (an AR(1) process).
-    products = [(own[1:] * own[:-1]).sum() for own in residual.split(rows.counts.tolist())]
-    rho = (torch.stack(products) / sums.loss.clamp(min=1e-12)).clamp(0.0, 0.99)
+    products = (residual[:, 1:] * residual[:, :-1]).sum(1)
+    rho = (products / sums.loss.clamp(min=1e-12)).clamp(0.0, 0.99)
     independent = (1.0 - rho) / (1.0 + rho) / variance.clamp(min=1e-9)
     return CalibratedPeople(
         embeddings=embeddings,

@@ -14,8 +14,8 @@ from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.mind_meld import MindMeld
 from steerlab.learning.presets import MapperConfig
 from steerlab.learning.tensor_file import read_tensors
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray
 
 FORMAT = "steerlab.mind_meld"
 FORMAT_VERSION = 2  # 1 knew no certainty of embeddings

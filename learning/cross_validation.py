@@ -24,7 +24,7 @@ from steerlab.learning.training_budget import (
     with_enough_steps,
     within_budget,
 )
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 
 MIND_MELD = "mind_meld"
 

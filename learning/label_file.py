@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.series import CONTEXT
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.arrays import FloatArray
+from steerlab.sim.rollout import BoolArray
 
 IntArray = NDArray[np.int64]
 

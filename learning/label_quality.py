@@ -8,7 +8,7 @@ import numpy as np
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.series import LabelSeries
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 
 if TYPE_CHECKING:
     from steerlab.learning.mapper import LabelMapper

@@ -16,11 +16,11 @@ from steerlab.learning.presets import LAB, MapperConfig
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.training import torch_threads, train
 from steerlab.learning.windows import Windows, make_windows
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 WINDOWS_PER_PERSON = 600  # more of them calibrate no better (docs/mapper-experiments.md)
-_PEOPLE_AT_ONCE = 16  # their windows take a few MB
+_PEOPLE_AT_ONCE = 4  # their windows stay near a core's cache
 _WORKERS = 2  # groups share nothing, so their number changes no result
 
 

@@ -1,8 +1,4 @@
-"""The three networks of MIND MELD (paper, section Architecture).
-
-These hold the parameters and define what is computed; ``kernels`` computes the same, faster, for
-training, calibration and mapping.
-"""
+"""The three networks of MIND MELD (paper, section Architecture)."""
 
 from dataclasses import dataclass
 from math import sqrt
@@ -42,16 +38,16 @@ class WindowEncoder(nn.Module):
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
-        self.forward_lstm = nn.LSTM(CHANNELS, config.lstm_size, batch_first=True)
-        self.backward_lstm = nn.LSTM(CHANNELS, config.lstm_size, batch_first=True)
+        self.forward_lstm = nn.LSTM(CHANNELS, config.lstm_size)
+        self.backward_lstm = nn.LSTM(CHANNELS, config.lstm_size)
         self.to_encoding = nn.Linear(2 * config.lstm_size, config.encoding_size)
 
     def forward(self, inputs: Tensor) -> Tensor:
         """inputs: (batch, window, channels) -> z: (batch, k)."""
-        centre = inputs.shape[1] // 2
-        _, (past, _) = self.forward_lstm(inputs[:, : centre + 1])
-        _, (future, _) = self.backward_lstm(inputs[:, centre:].flip(1))
-        return self.to_encoding(torch.cat([past[0], future[0]], dim=1))
+        samples, centre = inputs.transpose(0, 1), inputs.shape[1] // 2
+        past = _last_hidden(self.forward_lstm, samples[: centre + 1])
+        future = _last_hidden(self.backward_lstm, samples[centre:].flip(0))
+        return self.to_encoding(torch.cat([past, future], dim=1))
 
     def bidirectional(self) -> nn.LSTM:
         """An ordinary bidirectional LSTM with these weights; for checks and benchmarks."""
@@ -61,6 +57,23 @@ class WindowEncoder(nn.Module):
         weights = {f"{name}_reverse": value for name, value in reverse.items()}
         both.load_state_dict({**self.forward_lstm.state_dict(), **weights})
         return both
+
+
+def _last_hidden(lstm: nn.LSTM, samples: Tensor) -> Tensor:
+    """samples: (steps, batch, channels) -> (batch, H); in training on a processor, the compiled way."""
+    if _is_trained_here(lstm, samples):
+        from steerlab.learning.half_lstm import last_hidden  # numba is needed for no more
+
+        return last_hidden(lstm, samples)
+    _, (last, _) = lstm(samples)
+    return last[0]
+
+
+def _is_trained_here(lstm: nn.LSTM, samples: Tensor) -> bool:
+    weight = lstm.weight_hh_l0
+    wanted = torch.is_grad_enabled() and weight.requires_grad and not samples.requires_grad
+    of_tiles = weight.device.type == "cpu" and lstm.hidden_size % 4 == 0
+    return bool(wanted and of_tiles and weight.dtype == samples.dtype == torch.float32)
 
 
 class DifferenceNetwork(nn.Module):

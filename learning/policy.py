@@ -1,8 +1,7 @@
 """The learners' policy: a small network from what the car's camera sees to a wheel position.
 
 The state is the paper's: image, velocity and acceleration in the car's own frame. Neither pose (it
-memorises one world) nor the wheel itself (it confuses causes) is an input. The module holds the weights
-and says what is computed; ``policy_inference`` and ``policy_training`` compute it faster.
+memorises one world) nor the wheel itself (it confuses causes) is an input.
 """
 
 import json
@@ -18,7 +17,10 @@ from torch import Tensor, nn
 
 from steerlab.learning.errors import InvalidCheckpoint, InvalidLabels
 from steerlab.learning.tensor_file import read_tensors
+from steerlab.learning.training import torch_threads
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.vehicle import WHEEL_LIMIT
 
 Frames = NDArray[np.uint8]
 Inputs = Literal["image+state", "image", "state"]
@@ -28,7 +30,6 @@ CAMERA_PX = 64
 _ROWS = slice(16, 48)  # the horizon lies in between; above is sky, below the bonnet's ground
 MOTION_CENTRE = (5.0, 0.0, 0.0, 0.0, 0.0)  # m/s, m/s, rad/s, m/s², m/s²
 MOTION_SCALE = (1.0, 0.3, 0.5, 1.0, 2.0)
-TILE = 8  # channels come in multiples of it: so many outputs are computed together
 FORMAT, FORMAT_VERSION = "steerlab-policy", 1
 
 
@@ -82,7 +83,8 @@ class PolicyConfig:
     """Size of the network, and what it may see; the others are ablations.
 
     Attributes:
-        channels: of the three convolutions; multiples of 8, as ``hidden``.
+        channels: of the three convolutions.
+        hidden: units of the layer between the features and the wheel.
     """
 
     inputs: Inputs = "image+state"
@@ -95,10 +97,10 @@ class PolicyConfig:
                 f"inputs is {self.inputs!r}; choose one of {', '.join(get_args(Inputs))}."
             )
         sizes = (*self.channels, self.hidden)
-        if len(sizes) != 4 or any(size < TILE or size % TILE for size in sizes):
+        if len(sizes) != 4 or min(sizes) < 1:
             raise InvalidConfig(
-                f"channels {self.channels} and hidden {self.hidden}: give three and one, multiples "
-                f"of {TILE}."
+                f"channels {self.channels} and hidden {self.hidden}: give three and one, all "
+                "positive."
             )
 
 
@@ -131,13 +133,6 @@ class PolicyNetwork(nn.Module):
         with torch.no_grad():
             self.wheel.weight.mul_(0.1)  # begins near straight on
 
-    def used(self) -> list[nn.Parameter]:
-        """The parameters that count, in the order of ``policy_kernels.layout.Weights``."""
-        parts: list[nn.Module] = [self.hidden, self.wheel]
-        if self.config.inputs != "state":
-            parts = [*self.image, *parts]
-        return [one for part in parts for one in (part._parameters.values()) if one is not None]
-
     def features(self, image: Tensor, motion: Tensor) -> Tensor:
         """(rows, 3, 16, 32) uint8 and (rows, 5) -> (rows, hidden)."""
         parts: list[Tensor] = []
@@ -151,6 +146,20 @@ class PolicyNetwork(nn.Module):
     def forward(self, image: Tensor, motion: Tensor) -> Tensor:
         """(rows,) wheel positions, not clipped."""
         return self.wheel(self.features(image, motion)).squeeze(1)
+
+
+def decide(network: PolicyNetwork, seen: Observations) -> FloatArray:
+    """Wheel positions (rows,) within ±``WHEEL_LIMIT``."""
+    with torch.inference_mode(), torch_threads(1):
+        wheel = network(torch.from_numpy(seen.image), torch.from_numpy(seen.motion))
+    return np.clip(wheel.numpy().astype(np.float64), -WHEEL_LIMIT, WHEEL_LIMIT)
+
+
+def hidden_features(network: PolicyNetwork, seen: Observations) -> FloatArray:
+    """The last hidden layer, (rows, hidden)."""
+    with torch.inference_mode(), torch_threads(1):
+        hidden = network.features(torch.from_numpy(seen.image), torch.from_numpy(seen.motion))
+    return hidden.numpy().astype(np.float64)
 
 
 def save_policy(network: PolicyNetwork, path: Path) -> None:

@@ -1,20 +1,19 @@
 """Training a policy between two rounds: a fixed number of steps from the weights it has."""
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass
 from math import cos, isfinite, pi
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
-from torch.nn.utils import parameters_to_vector, vector_to_parameters
+from torch import Tensor
 
-from steerlab.learning.adam import Adam
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.policy import Observations, PolicyNetwork
 from steerlab.learning.training import torch_threads
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig, SteerlabError
-from steerlab.sim.rollout import FloatArray
 
 Progress = Callable[[float], None]
 
@@ -78,7 +77,7 @@ def train_policy(
 ) -> float:
     """Take ``config.steps`` steps of Adam on the weighted mean squared error.
 
-    What is learnt does not depend on the processor.
+    The same ``rng`` gives the same bits on the same machine; other processors round otherwise.
 
     Args:
         progress: told the share that is done after each step; what it raises ends the training and
@@ -90,50 +89,41 @@ def train_policy(
     Raises:
         TrainingDiverged: the loss is not finite; the network is then as it was.
     """
-    from steerlab.learning.policy_kernels.gradient import ByValues, Rows, batch_gradient
-    from steerlab.learning.policy_kernels.layout import room_for, sizes_of
-    from steerlab.learning.policy_kernels.products import LANES
-
-    sizes = sizes_of(network.config)
-    blocks = -(-config.batch_size // LANES)
-    values, by = room_for(sizes, blocks), ByValues.of(sizes, blocks)
-    learnt_from = Rows(
-        np.ascontiguousarray(rows.seen.image).reshape(len(rows.target), -1),
-        np.ascontiguousarray(rows.seen.motion, np.float32),
-        rows.target.astype(np.float32),
-        rows.weight.astype(np.float32),
-    )
+    image, motion = torch.from_numpy(rows.seen.image), torch.from_numpy(rows.seen.motion)
+    target, weight = (torch.from_numpy(one).float() for one in (rows.target, rows.weight))
+    trained = deepcopy(network)
+    optimiser = torch.optim.Adam(trained.parameters(), lr=config.rate, fused=True)
     losses = np.empty(config.steps)
-    with torch_threads(1), torch.no_grad():
-        vector = parameters_to_vector(network.used())
-        gradient = torch.empty_like(vector)
-        optimiser = Adam({vector: config.rate})
-        for step, chosen in enumerate(_batches(len(rows.target), rng, config)):
-            loss = batch_gradient(
-                sizes, vector.numpy(), learnt_from, chosen, values, by, gradient.numpy()
-            )
-            if not isfinite(loss):
+    with torch_threads(1):
+        for step, batch in enumerate(_batches(len(target), rng, config)):
+            error = trained(image[batch], motion[batch]) - target[batch]
+            loss = (weight[batch] * error.square()).mean()
+            losses[step] = loss.item()
+            if not isfinite(losses[step]):
                 raise TrainingDiverged(
-                    f"The policy's loss is {loss} at step {step} of {config.steps}; lower the rate "
-                    f"({config.rate:g}) or look at the labels."
+                    f"The policy's loss is {losses[step]} at step {step} of {config.steps}; lower "
+                    f"the rate ({config.rate:g}) or look at the labels."
                 )
-            losses[step] = loss
-            optimiser.step({vector: gradient}, 0.5 * (1.0 + cos(pi * step / config.steps)))
+            for group in optimiser.param_groups:
+                group["lr"] = config.rate * 0.5 * (1.0 + cos(pi * step / config.steps))
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
             progress((step + 1) / config.steps)
-        if not torch.isfinite(vector).all():
-            raise TrainingDiverged(
-                f"A weight of the policy is not finite after {config.steps} steps; lower the rate "
-                f"({config.rate:g}) or look at the labels."
-            )
-        vector_to_parameters(vector, network.used())
+    if not all(torch.isfinite(one).all() for one in trained.parameters()):
+        raise TrainingDiverged(
+            f"A weight of the policy is not finite after {config.steps} steps; lower the rate "
+            f"({config.rate:g}) or look at the labels."
+        )
+    network.load_state_dict(trained.state_dict())
     return float(losses[-max(1, config.steps // 10) :].mean())
 
 
 def _batches(
     rows: int, rng: np.random.Generator, config: PolicyTrainingConfig
-) -> NDArray[np.int64]:
-    """(steps, batch): every row once before any comes twice."""
+) -> tuple[Tensor, ...]:
+    """``config.steps`` times (batch,): every row once before any comes twice."""
     wanted = config.steps * config.batch_size
     passes = -(-wanted // rows)
     order = np.concatenate([rng.permutation(rows) for _ in range(passes)])
-    return order[:wanted].reshape(config.steps, config.batch_size)
+    return torch.from_numpy(order[:wanted]).split(config.batch_size)

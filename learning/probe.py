@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from steerlab.learning.errors import InvalidLabels
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.scripted_teacher import TeacherStyle
 
 

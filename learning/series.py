@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from steerlab.learning.errors import InvalidLabels
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.arrays import FloatArray
+from steerlab.sim.rollout import BoolArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from math import nan
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from steerlab.learning.certainty import Calibrated
@@ -14,8 +15,9 @@ from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.mind_meld import MindMeld
 from steerlab.learning.presets import LAB, MapperConfig
 from steerlab.learning.series import LabelSeries
+from steerlab.learning.training import torch_threads
 from steerlab.learning.windows import WindowConfig, window_offsets
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 
@@ -93,11 +95,9 @@ class LabelStream:
     def __init__(
         self, network: MindMeld, window: WindowConfig, embedding: Tensor, rate_hz: float
     ) -> None:
-        from steerlab.learning.kernels.one_window import OneWindow
-
         if not (np.isfinite(rate_hz) and rate_hz > 0.0):
             raise InvalidLabels(f"rate_hz is {rate_hz}; it must be positive.")
-        self._network = OneWindow(network, embedding)
+        self._network, self._embedding = network, embedding[None]
         below, fraction = window_offsets(rate_hz, window)
         shown = slice(0, window.side + window.ahead + 1)  # the rest stays absent
         self._below, self._fraction = below[shown], fraction[shown]
@@ -107,8 +107,8 @@ class LabelStream:
         self._lower, self._upper = self._below + self._past, above + self._past
         size = self._past + 1 + self.delay_steps
         self._labels = deque([nan] * size, maxlen=size)
-        self._inputs = np.zeros((window.length, 2), np.float32)
-        self._shown = self._inputs[shown]
+        self._inputs = torch.zeros(1, window.length, 2)
+        self._shown = self._inputs[0].numpy()[shown]
         self._pushed = 0
 
     def push(self, label: float | None) -> float | None:
@@ -152,7 +152,9 @@ class LabelStream:
         present = np.isfinite(sample)
         self._shown[:, 0] = np.where(present, sample, 0.0)
         self._shown[:, 1] = present
-        difference = self._network.difference(self._inputs)
+        with torch.no_grad(), torch_threads(1):
+            encoding = self._network.encoder(self._inputs)
+            difference = self._network.difference(encoding, self._embedding).item()
         # As the batch does: label and difference as float32, the subtraction as float64.
         label = float(np.float32(labels[self._past]))
         return float(np.clip(label - difference, -WHEEL_LIMIT, WHEEL_LIMIT))

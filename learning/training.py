@@ -9,7 +9,6 @@ import torch
 from torch import Tensor
 from torch.nn.functional import huber_loss
 
-from steerlab.learning.adam import Adam
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.mind_meld import MindMeld, NetworkConfig
 from steerlab.learning.windows import Windows
@@ -44,7 +43,8 @@ class TrainingConfig:
         mirror: half of the windows are seen left for right, as labels of a second person whom
             nobody is: their mirror image, with an embedding of their own.
         huber: error in wheel units from which the difference loss grows linearly; None squares.
-        threads: threads that share a batch; their number changes no bit of what is learnt.
+        threads: torch's, for a batch. Other numbers round otherwise, so what is learnt repeats, bit
+            for bit, with the same number on the same machine.
     """
 
     epochs: int = 60
@@ -108,28 +108,27 @@ def mind_meld_loss(
 ) -> LossParts:
     """Eq. 2 over a batch, with a reparameterised sample w_hat from g.
 
-    This is the definition. ``train`` takes the same numbers, and their gradient, from
-    ``kernels/step.py``, several times as fast; a test holds the two together.
-
     Args:
         network: encoder, f and g.
         inputs: (batch, window, channels).
         difference: (batch,), the true ``a - o``.
         embedding: (batch, d), w of the person of each window; not detached in the second term.
-        weight: lambda.
+        weight: lambda; with 0 nothing is inferred, and the second term is 0.
         generator: draws the sample.
         huber: see ``TrainingConfig``.
     """
     encoding = network.encoder(inputs)
     predicted = network.difference(encoding, embedding)
-    mean, log_sigma = network.inference(encoding, predicted)
-    noise = torch.randn(mean.shape, generator=generator)
-    sampled = mean + log_sigma.exp() * noise  # w_hat
     if huber is None:
         difference_loss = (predicted - difference).square().mean()
     else:
         difference_loss = huber_loss(predicted, difference, delta=huber) / huber
-    embedding_loss = (sampled - embedding).square().mean()
+    noise = torch.randn(embedding.shape, generator=generator)  # drawn whatever the weight
+    embedding_loss = torch.zeros(())
+    if weight > 0.0:
+        mean, log_sigma = network.inference(encoding, predicted)
+        sampled = mean + log_sigma.exp() * noise  # w_hat
+        embedding_loss = (sampled - embedding).square().mean()
     return LossParts(
         total=difference_loss + weight * embedding_loss,
         difference=difference_loss,
@@ -171,10 +170,6 @@ def train(
     Raises:
         InvalidLabels: someone has no valid window.
     """
-    from steerlab.learning.kernels.heads import Loss
-    from steerlab.learning.kernels.step import Batch, BatchGradient
-    from steerlab.learning.kernels.weights import pack, unpack
-
     rows = torch.nonzero(windows.valid).squeeze(1)
     counts = torch.bincount(windows.person[rows], minlength=len(windows.people))
     for person, count in zip(windows.people, counts.tolist(), strict=True):
@@ -187,41 +182,49 @@ def train(
     people = len(windows.people)
     shape = (people * (2 if config.mirror else 1), network_config.embedding_size)
     embeddings = torch.randn(shape, generator=generator)
-    weights = pack(network)
-    rates = {weights: config.rate}
+    rates = [config.rate]
+    groups: list[dict[str, list[Tensor]]] = [{"params": list(network.parameters())}]
     if given is None:
-        rates[embeddings] = config.rate * config.embedding_rate_factor
+        rates.append(config.rate * config.embedding_rate_factor)
+        groups.append({"params": [embeddings.requires_grad_()]})
     else:
         embeddings = given.reshape(shape)
-    optimizer = Adam(rates)
+    optimizer = torch.optim.Adam(groups, fused=True)
     per_epoch = min(
         len(rows), max(config.least_per_epoch, round(config.share_per_epoch * len(rows)))
     )
     batches = -(-per_epoch // config.batch_size)
     history: list[tuple[float, float]] = []
-    loss = Loss.of(config.embedding_loss_weight, config.huber)
-    length = windows.inputs.shape[1]
-    with torch_threads(1), BatchGradient(network, loss, length, config.threads) as gradient:
+    with torch_threads(config.threads):
         for epoch in range(config.epochs):
             drawn = rows[torch.randperm(len(rows), generator=generator)[:per_epoch]]
             sums = torch.zeros(2)
             for number, row in enumerate(drawn.split(config.batch_size), start=epoch * batches):
-                target, whose, sign = difference[row], windows.person[row], torch.ones(len(row))
+                inputs, target, whose = windows.inputs[row], difference[row], windows.person[row]
                 if config.mirror:
                     mirrored = torch.rand(len(row), generator=generator) < 0.5
                     sign = 1.0 - 2.0 * mirrored
+                    inputs[:, :, 0] *= sign[:, None]
                     target, whose = sign * target, whose + people * mirrored
-                noise = torch.randn(len(row), shape[1], generator=generator)
-                batch = Batch.of(windows.inputs, row, sign, target, whose, noise)
-                by_weights, by_window, losses = gradient(batch, embeddings, weights)
-                by_person = torch.zeros_like(embeddings).index_add_(0, whose, by_window)
+                loss = mind_meld_loss(
+                    network,
+                    inputs,
+                    target,
+                    embeddings[whose],
+                    config.embedding_loss_weight,
+                    generator,
+                    config.huber,
+                )
                 factor = _rate_factor(number, config.epochs * batches, config)
-                optimizer.step({weights: by_weights, embeddings: by_person}, factor)
-                sums += losses
+                for group, rate in zip(optimizer.param_groups, rates, strict=True):
+                    group["lr"] = rate * factor
+                optimizer.zero_grad()
+                loss.total.backward()
+                optimizer.step()
+                sums += torch.stack([loss.difference, loss.embedding]).detach()
             history.append((float(sums[0] / batches), float(sums[1] / batches)))
             if on_epoch is not None:
                 on_epoch(epoch + 1, config.epochs)
-    unpack(weights, network)
     network.requires_grad_(False)
     return TrainedMindMeld(network, embeddings.detach()[:people].clone(), tuple(history))
 

@@ -1,5 +1,7 @@
 """Errors a user can mend; the command line prints them in one sentence and exits with code 2."""
 
+_LONGEST_SHOWN = 80  # characters of a value: an error is a sentence
+
 
 class SteerlabError(Exception):
     """Base of every error that names a value, its cause and its mend."""
@@ -7,6 +9,56 @@ class SteerlabError(Exception):
 
 class InvalidConfig(SteerlabError, ValueError):
     """A setting, or a file that holds settings, is outside what it may be."""
+
+
+class InvalidValue(InvalidConfig):
+    """One value of a record, or of the file that it was read from, is not what it may be.
+
+    Attributes:
+        path: from the record, such as ``phases[0].kind``, counted from 0; in a file it begins with
+            ``$``, which is the whole of it.
+        value: what is there; None if nothing is.
+        allowed: what may be.
+        file, line: where, if it came from a file and the line is known.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        value: object,
+        allowed: str,
+        *,
+        says: str = "",
+        file: str = "",
+        line: int | None = None,
+    ) -> None:
+        """``says`` takes the place of the words that follow the path."""
+        self.path, self.value, self.allowed = path, value, allowed
+        self.file, self.line = file, line
+        self._says = says or f" is {_shown(value)}; it must be {allowed}."
+        where = ", ".join([*([file] if file else []), *([f"line {line}"] if line else [])])
+        super().__init__(f"{where}{': ' if where else ''}{path or '$'}{self._says}")
+
+    @classmethod
+    def missing(cls, path: str, allowed: str) -> "InvalidValue":
+        """Nothing is there."""
+        return cls(path, None, allowed, says=f" is missing; give {allowed}.")
+
+    @classmethod
+    def refused(cls, value: object, why: SteerlabError) -> "InvalidValue":
+        """A record refused its values in words of its own, which may not name one of them."""
+        return why if isinstance(why, cls) else cls("", value, "", says=f": {why}")
+
+    def under(self, place: str) -> "InvalidValue":
+        """The same error, seen from whatever holds the record at ``place``."""
+        step = "" if not self.path or self.path.startswith("[") else "."
+        return InvalidValue(f"{place}{step}{self.path}", self.value, self.allowed, says=self._says)
+
+    def at(self, file: str, line: int | None) -> "InvalidValue":
+        """The same error, in a file."""
+        return InvalidValue(
+            self.path, self.value, self.allowed, says=self._says, file=file, line=line
+        )
 
 
 class InvalidWorld(SteerlabError, ValueError):
@@ -34,3 +86,21 @@ class NoRenderer(SteerlabError):
 
 class StateMismatch(SteerlabError, ValueError):
     """A stored state vector does not belong to the model it is restored into."""
+
+
+def check_words(path: str, text: str) -> None:
+    """Refuse a blank text.
+
+    Raises:
+        InvalidValue: it is.
+    """
+    if not text.strip():
+        raise InvalidValue(path, text, "some words")
+
+
+def _shown(value: object) -> str:
+    try:
+        shown = repr(value)
+    except ValueError:  # a whole number of more digits than Python writes
+        return "a number too long to show"
+    return shown if len(shown) <= _LONGEST_SHOWN else f"{shown[: _LONGEST_SHOWN - 3]}..."

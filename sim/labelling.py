@@ -3,8 +3,9 @@
 import numpy as np
 import pyarrow as pa
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.records import Driver, LabelledStep, table_from_columns
-from steerlab.sim.rollout import FloatArray, Rollout
+from steerlab.sim.rollout import Rollout
 
 
 def labelled_table(

@@ -9,9 +9,10 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.rollout import FloatArray, Outcome, Rollout
+from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherNotReady
 from steerlab.sim.unusual_teachers import UnusualTeacher
 from steerlab.sim.world import WorldSpec
@@ -36,13 +37,21 @@ class Responding(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class DriveContext:
-    """Which drive of a teacher's session this is; noise and drift depend on it."""
+    """Which drive of a teacher's session this is; their noise and drift depend on it.
+
+    Attributes:
+        order: drives the teacher has seen before, those of the calibration included.
+        attempt: at this drive, from 0.
+        steps: control steps until the time limit.
+        round_number: of the teaching; 0 is the first demonstration.
+    """
 
     name: str
     order: int
     attempt: int
     steps: int
     control_hz: float
+    round_number: int = 0
 
 
 class LiveTeacher:
@@ -55,14 +64,14 @@ class LiveTeacher:
 
     def __init__(self, teacher: Responding, style: DrivingStyle = "softened") -> None:
         self._teacher = softened(teacher) if style == "softened" else teacher
-        self._sitting: DriveContext | None = None
+        self._context: DriveContext | None = None
         self._seen = np.empty(0)
         self._step = 0
 
-    def begin(self, sitting: DriveContext) -> None:
+    def begin(self, context: DriveContext) -> None:
         """A new drive; nothing has been seen."""
-        self._sitting = sitting
-        self._seen = np.full(sitting.steps, np.nan)
+        self._context = context
+        self._seen = np.full(context.steps, np.nan)
         self._step = 0
 
     def react(self, oracle: float) -> float:
@@ -74,15 +83,15 @@ class LiveTeacher:
         Raises:
             TeacherNotReady: ``begin`` was not called, or the drive is longer than it said.
         """
-        sitting, step = self._sitting, self._step
-        if sitting is None or step >= sitting.steps:
+        context, step = self._context, self._step
+        if context is None or step >= context.steps:
             raise TeacherNotReady(f"{self._teacher.name} is in no drive; call begin first.")
         if np.isnan(oracle):
             oracle = float(self._seen[step - 1]) if step else 0.0  # straight on until a way shows
         self._seen[step:] = oracle  # whatever comes is taken to stay, so every draw keeps its place
         self._step = step + 1
-        stub = _only_labels(sitting, self._seen)
-        labels = self._teacher.respond(stub, order=sitting.order, attempt=sitting.attempt)
+        stub = _only_labels(context, self._seen)
+        labels = self._teacher.respond(stub, order=context.order, attempt=context.attempt)
         return float(labels[step])
 
 
@@ -110,16 +119,16 @@ def _soft(teacher: ScriptedTeacher) -> ScriptedTeacher:
     return ScriptedTeacher(teacher.name, soft, teacher.seed)
 
 
-def _only_labels(sitting: DriveContext, labels: FloatArray) -> Rollout:
+def _only_labels(context: DriveContext, labels: FloatArray) -> Rollout:
     """A rollout of which only the labels mean anything; teachers read nothing else."""
-    steps = sitting.steps
+    steps = context.steps
     return Rollout(
-        name=sitting.name,
+        name=context.name,
         world=_NOWHERE,
-        control_hz=sitting.control_hz,
+        control_hz=context.control_hz,
         seed=0,
         outcome=Outcome.RUNNING,
-        t_s=np.arange(steps) / sitting.control_hz,
+        t_s=np.arange(steps) / context.control_hz,
         pose=np.zeros((steps, 3)),
         velocity=np.zeros((steps, 3)),
         acceleration=np.zeros((steps, 2)),

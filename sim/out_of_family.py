@@ -10,9 +10,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.populations import PopulationKind, sample_population
-from steerlab.sim.rollout import FloatArray
 from steerlab.sim.unusual_teachers import Quirk, UnusualTeacher, sample_unusual
 
 OutOfFamilyKind = Literal["asymmetric", "bang-bang", "dither", "late-braking", "fatigue"]

@@ -37,7 +37,8 @@ class LabelledStep:
         participant: pseudonym of the person (or scripted teacher); never a name.
         attempt: 0 for the first try at a rollout; a redo is a new attempt, nothing is overwritten.
         t_s: time since the rollout's start.
-        speed_mps, lateral_speed_mps, yaw_rate_radps: body-frame velocity.
+        speed_mps, lateral_speed_mps, yaw_rate_radps: velocity in the body frame: forward, lateral
+            (positive to the left), yaw rate (positive to the left).
         acceleration_x_mps2, acceleration_y_mps2: body-frame acceleration.
         robot_wheel: what the robot's policy asked for.
         teacher_label: the label ``a``; None when the device gave none.

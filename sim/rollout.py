@@ -6,11 +6,11 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.world import WorldSpec
 
-FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 

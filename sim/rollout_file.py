@@ -1,7 +1,8 @@
 """Rollouts in one Parquet file: a row a step, what belongs to a whole rollout in the metadata."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.files.structured import json_values, structured, within_file
 from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.world import WorldSpec
 
@@ -36,6 +38,25 @@ _ROLLOUT_SCHEMA = pa.schema(
         pa.field("physics_state", pa.list_(pa.float64()), nullable=False),
     ]
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Whole:
+    """What belongs to a whole rollout."""
+
+    world: WorldSpec
+    control_hz: float
+    seed: int
+    outcome: Outcome
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Metadata:
+    format: str
+    version: int
+    made_by: str
+    mujoco: str
+    rollouts: Mapping[str, _Whole]
 
 
 def write_rollouts(rollouts: Sequence[Rollout], path: Path, *, made_by: str) -> None:
@@ -77,19 +98,22 @@ def read_rollouts(path: Path) -> tuple[Rollout, ...]:
     metadata = _metadata(table, path)
     names = np.asarray(table["rollout"])
     return tuple(
-        _rollout(name, table.filter(pa.array(names == name)), values)
-        for name, values in metadata["rollouts"].items()
+        _rollout(name, table.filter(pa.array(names == name)), whole)
+        for name, whole in metadata.rollouts.items()
     )
 
 
-def _metadata(table: pa.Table, path: Path) -> dict[str, Any]:
-    raw = (table.schema.metadata or {}).get(_FORMAT.encode())
-    metadata: dict[str, Any] = json.loads(raw) if raw else {}
-    if metadata.get("version") != _FORMAT_VERSION:
+def _metadata(table: pa.Table, path: Path) -> _Metadata:
+    raw = (table.schema.metadata or {}).get(_FORMAT.encode(), b"{}")
+    values = json_values(raw.decode(errors="replace"), f"The metadata of {path}")
+    found = values.get("version", "no version") if isinstance(values, dict) else "no metadata"
+    if found != _FORMAT_VERSION:
         raise InvalidConfig(
-            f"{path} is not a rollout file of version {_FORMAT_VERSION} "
-            f"(found {metadata.get('version', 'no version')}); write it again with this steerlab."
+            f"{path} is not a rollout file of version {_FORMAT_VERSION} (found {found}); write it "
+            "again with this steerlab."
         )
+    with within_file(str(path)):
+        metadata = structured(_Metadata, values)
     if not table.schema.equals(_ROLLOUT_SCHEMA, check_metadata=False):
         raise InvalidConfig(f"{path} has other columns than a rollout file: {table.schema.names}.")
     return metadata
@@ -109,7 +133,7 @@ def _table(rollout: Rollout) -> pa.Table:
     return pa.table(columns, schema=_ROLLOUT_SCHEMA)
 
 
-def _rollout(name: str, table: pa.Table, values: dict[str, Any]) -> Rollout:
+def _rollout(name: str, table: pa.Table, whole: _Whole) -> Rollout:
     def stacked(names: tuple[str, ...]) -> np.ndarray:
         return np.column_stack([table[column].to_numpy() for column in names])
 
@@ -117,10 +141,10 @@ def _rollout(name: str, table: pa.Table, values: dict[str, Any]) -> Rollout:
     state = table["physics_state"].combine_chunks()
     return Rollout(
         name=name,
-        world=WorldSpec.from_dict(values["world"]),
-        control_hz=values["control_hz"],
-        seed=values["seed"],
-        outcome=Outcome(values["outcome"]),
+        world=whole.world,
+        control_hz=whole.control_hz,
+        seed=whole.seed,
+        outcome=whole.outcome,
         t_s=table["t_s"].to_numpy(),
         pose=stacked(_COLUMNS["pose"]),
         velocity=stacked(_COLUMNS["velocity"]),

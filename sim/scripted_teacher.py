@@ -6,8 +6,9 @@ from math import exp, isfinite
 
 import numpy as np
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig, SteerlabError
-from steerlab.sim.rollout import FloatArray, Rollout
+from steerlab.sim.rollout import Rollout
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 

@@ -10,11 +10,12 @@ from hashlib import sha256
 
 import numpy as np
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.engine.driving import Driving, DrivingConfig, draw_start
 from steerlab.sim.errors import InvalidConfig, InvalidWorld, NoPath
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.ground_truth import Planner, PlannerConfig
-from steerlab.sim.rollout import FloatArray, Outcome
+from steerlab.sim.rollout import Outcome
 from steerlab.sim.vehicle import WHEEL_LIMIT, CarConfig
 from steerlab.sim.world import Block, WorldSpec
 from steerlab.sim.world_generator import WorldConfig, generate_world

@@ -11,9 +11,10 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.populations import PopulationKind, sample_population
-from steerlab.sim.rollout import FloatArray, Rollout
+from steerlab.sim.rollout import Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher, WholeResponse, stimulus
 
 QuirkKind = Literal["asymmetric", "power", "underdamped", "hold", "lapses"]

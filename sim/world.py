@@ -4,7 +4,8 @@ from dataclasses import asdict, dataclass
 from math import hypot
 from typing import Any
 
-from steerlab.sim.errors import InvalidWorld
+from steerlab.sim.errors import InvalidValue, InvalidWorld
+from steerlab.sim.files.structured import structured
 from steerlab.sim.geometry import Pose2D
 
 BALL_RADIUS_M = 2.0
@@ -81,13 +82,6 @@ class WorldSpec:
             InvalidWorld: a field is missing, unknown or breaks a rule.
         """
         try:
-            fields = dict(values)
-            fields["start"] = Pose2D(**fields["start"])
-            fields["blocks"] = tuple(Block(**block) for block in fields["blocks"])
-            ball_x_m, ball_y_m = fields["ball_xy_m"]
-            fields["ball_xy_m"] = (float(ball_x_m), float(ball_y_m))
-            return cls(**fields)
-        except (KeyError, TypeError, ValueError) as error:
-            if isinstance(error, InvalidWorld):
-                raise
-            raise InvalidWorld(f"Not a world: {error!r} in {sorted(values)}.") from error
+            return structured(cls, values)
+        except InvalidValue as error:
+            raise InvalidWorld(f"Not a world: {error}") from error

@@ -34,10 +34,9 @@ def enrol(study: OpenStudy, role: Role) -> str:
             Enrolment(
                 participant=participant,
                 role=role.value,
-                at_utc="",
                 protocol_version=version,
                 allocation=drawn_from,
-                order=order,
+                condition_order=order,
             ),
         )
     return participant

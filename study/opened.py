@@ -41,7 +41,7 @@ class OpenStudy:
 
         Raises:
             StudyError: it holds no study.
-            StoreError: its database is damaged, locked or newer than this steerlab.
+            StoreError: its database is damaged, locked or of another version of steerlab.
             InvalidConfig: a questionnaire of its own is wrong.
         """
         if not (folder / DATABASE).is_file():

@@ -114,7 +114,7 @@ def save_answer(
             connection,
             participant=participant,
             phase=phase,
-            round_=place.round(phase),
+            phase_run=place.phase_run(phase),
             questionnaire=questionnaire,
             item=item,
             value=value,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from steerlab.sim.camera_config import View
-from steerlab.study.protocol_error import ProtocolError, check_words
+from steerlab.sim.errors import InvalidValue, check_words
 from steerlab.teleop.devices.force_feedback import DEFAULT_AUTOCENTRE
 from steerlab.teleop.screen.config import ScreenConfig
 
@@ -20,9 +20,9 @@ class ConsentText:
 
     def __post_init__(self) -> None:
         if self.version < 1:
-            raise ProtocolError("version", self.version, "a whole number from 1")
+            raise InvalidValue("version", self.version, "a whole number from 1")
         if not self.text or not all(one.strip() for one in self.text):
-            raise ProtocolError("text", list(self.text), "one or more paragraphs, none blank")
+            raise InvalidValue("text", list(self.text), "one or more paragraphs, none blank")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -35,9 +35,9 @@ class PracticePlan:
 
     def __post_init__(self) -> None:
         if self.balls < 1:
-            raise ProtocolError("balls", self.balls, "at least 1")
+            raise InvalidValue("balls", self.balls, "at least 1")
         if not self.time_limit_s > 0.0:
-            raise ProtocolError("time_limit_s", self.time_limit_s, "positive")
+            raise InvalidValue("time_limit_s", self.time_limit_s, "positive")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -54,7 +54,7 @@ class DisplayPlan:
 
     def __post_init__(self) -> None:
         if not self.countdown_s >= 0.0:
-            raise ProtocolError("countdown_s", self.countdown_s, "0 or more")
+            raise InvalidValue("countdown_s", self.countdown_s, "0 or more")
         self.screen()
 
     def screen(self) -> ScreenConfig:
@@ -81,7 +81,7 @@ class WheelPlan:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.autocentre <= 1.0:
-            raise ProtocolError("autocentre", self.autocentre, "from 0 to 1")
+            raise InvalidValue("autocentre", self.autocentre, "from 0 to 1")
 
     @property
     def strength(self) -> float | None:
@@ -104,9 +104,9 @@ class MapperPlan:
 
     def __post_init__(self) -> None:
         if self.epochs is not None and self.epochs < 1:
-            raise ProtocolError("epochs", self.epochs, "at least 1")
+            raise InvalidValue("epochs", self.epochs, "at least 1")
         if self.minimum_people < 2:
-            raise ProtocolError("minimum_people", self.minimum_people, "at least 2")
+            raise InvalidValue("minimum_people", self.minimum_people, "at least 2")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -140,12 +140,12 @@ class AnalysisPlan:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.alpha < 1.0:
-            raise ProtocolError("alpha", self.alpha, "between 0 and 1")
+            raise InvalidValue("alpha", self.alpha, "between 0 and 1")
         if self.correction not in CORRECTIONS:
-            raise ProtocolError("correction", self.correction, f"one of {', '.join(CORRECTIONS)}")
-        for place, rule in enumerate(self.exclusions, start=1):
+            raise InvalidValue("correction", self.correction, f"one of {', '.join(CORRECTIONS)}")
+        for place, rule in enumerate(self.exclusions):
             check_words(f"exclusions[{place}]", rule)
         ids = [one.id for one in self.hypotheses]
-        for place, id_ in enumerate(ids, start=1):
-            if id_ in ids[: place - 1]:
-                raise ProtocolError(f"hypotheses[{place}].id", id_, "another one: it is taken")
+        for place, id_ in enumerate(ids):
+            if id_ in ids[:place]:
+                raise InvalidValue(f"hypotheses[{place}].id", id_, "another one: it is taken")

@@ -70,7 +70,7 @@ class ParticipantProgress:
         """The first phase of that kind."""
         return next((one for one, _ in self.view.phases if one.kind is kind), None)
 
-    def round(self, phase: str) -> int:
+    def phase_run(self, phase: str) -> int:
         """How often a phase was reopened."""
         return sum(act.act is PhaseAct.REOPENED for act in self.acts.get(phase, ()))
 
@@ -129,7 +129,7 @@ def answers_of(
     """What counts of the answers in a phase, by questionnaire and item."""
     found: dict[str, dict[str, Response]] = {}
     for one in read_responses(study.store.connection, place.view.id, phase):
-        if one.round == place.round(phase):
+        if one.phase_run == place.phase_run(phase):
             found.setdefault(one.questionnaire, {})[one.item] = one
     return {
         key: {item: one.value for item, one in items.items() if one.value is not None}
@@ -172,14 +172,14 @@ def _progress(records: _Records, enrolment: Enrolment) -> ParticipantProgress:
         acts.setdefault(act.phase, []).append(act)
     phases = tuple(
         (phase, _STATES[acts[phase.id][-1].act] if phase.id in acts else PhaseState.WAITING)
-        for phase in phases_for(protocol, role, enrolment.order)
+        for phase in phases_for(protocol, role, enrolment.condition_order)
     )
     place = ParticipantProgress(
         view=ParticipantView(
             id=participant,
             role=role,
             standing=_standing(records, participant, [state for _, state in phases]),
-            order=enrolment.order,
+            order=enrolment.condition_order,
             phases=phases,
             protocol_version=enrolment.protocol_version,
         ),

@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass, field
 
+from steerlab.sim.errors import InvalidValue, check_words
 from steerlab.study.contract import PhaseKind, Role
 from steerlab.study.plans import (
     AnalysisPlan,
@@ -12,7 +13,6 @@ from steerlab.study.plans import (
     PracticePlan,
     WheelPlan,
 )
-from steerlab.study.protocol_error import ProtocolError, check_words
 from steerlab.study.teaching.conditions import TAUGHT
 from steerlab.study.teaching.plan import TeachPlan
 from steerlab.teleop.timing_limits import GateConfig
@@ -34,7 +34,7 @@ class Condition:
 
     def __post_init__(self) -> None:
         if self.key not in CONDITIONS:
-            raise ProtocolError("key", self.key, f"one of {', '.join(CONDITIONS)}")
+            raise InvalidValue("key", self.key, f"one of {', '.join(CONDITIONS)}")
         check_words("title", self.title)
 
 
@@ -57,27 +57,27 @@ class PhasePlan:
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.id):
-            raise ProtocolError("id", self.id, KEY_WORDS)
+            raise InvalidValue("id", self.id, KEY_WORDS)
         check_words("title", self.title)
         if not self.roles or len(set(self.roles)) != len(self.roles):
-            raise ProtocolError("roles", list(self.roles), "training, test or both, each once")
+            raise InvalidValue("roles", list(self.roles), "training, test or both, each once")
         asks = self.kind is PhaseKind.QUESTIONNAIRES
         if asks != bool(self.questionnaires):
             allowed = "one or more keys" if asks else f"left out: a {self.kind} phase has none"
-            raise ProtocolError("questionnaires", list(self.questionnaires), allowed)
+            raise InvalidValue("questionnaires", list(self.questionnaires), allowed)
         if self.after and self.kind is not PhaseKind.TEACH:
-            raise ProtocolError("after", list(self.after), "left out: only teach phases have it")
+            raise InvalidValue("after", list(self.after), "left out: only teach phases have it")
         reads = self.kind in (PhaseKind.INSTRUCTIONS, PhaseKind.DEBRIEF)
         if reads != bool(self.text):
             allowed = "one or more paragraphs" if reads else f"left out: {self.kind} has no text"
-            raise ProtocolError("text", list(self.text), allowed)
+            raise InvalidValue("text", list(self.text), allowed)
         for name in ("questionnaires", "after"):
             keys = getattr(self, name)
             if len(set(keys)) != len(keys):
-                raise ProtocolError(name, list(keys), "keys that differ")
+                raise InvalidValue(name, list(keys), "keys that differ")
         if self.kind in (PhaseKind.CALIBRATE_W, PhaseKind.TEACH) and self.roles != (Role.TEST,):
             allowed = f"['test']: training participants have no {self.kind} phase"
-            raise ProtocolError("roles", [*map(str, self.roles)], allowed)
+            raise InvalidValue("roles", [*map(str, self.roles)], allowed)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -125,7 +125,7 @@ def check_prefix(key: str, prefix: str) -> None:
     """A pseudonym's first letters.
 
     Raises:
-        ProtocolError: they are none.
+        InvalidValue: they are none.
     """
     if not _PREFIX.fullmatch(prefix):
-        raise ProtocolError(key, prefix, "one to four capital letters")
+        raise InvalidValue(key, prefix, "one to four capital letters")

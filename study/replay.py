@@ -8,11 +8,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import NoPath, NoRenderer
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.world import WorldSpec
 from steerlab.study.recording.errors import RecordingUnavailable
-from steerlab.study.recording.layout import FloatArray
 from steerlab.study.recording.pictures import View
 from steerlab.study.recording.rebuild import Progress, rebuild_recording
 from steerlab.study.recording.viewer import open_in_viewer, screenshot

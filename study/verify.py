@@ -15,7 +15,8 @@ from steerlab.study.progress import everybody
 from steerlab.study.protocol_file import protocol_sha256
 from steerlab.study.recording.session_recorder import RECORDINGS
 from steerlab.study.store.answers import ANSWERED, read_responses
-from steerlab.study.store.audit import SealedEntry, broken_at, read_sealed
+from steerlab.study.store.audit import AuditEntry, broken_at
+from steerlab.study.store.errors import StoreError
 from steerlab.study.store.people import (
     Departure,
     read_departures,
@@ -23,7 +24,6 @@ from steerlab.study.store.people import (
     read_phase_events,
 )
 from steerlab.study.store.records import AttemptStatus
-from steerlab.study.store.schema import StoreError
 from steerlab.study.teaching.findings import teaching_findings
 from steerlab.study.traces import strangers, traces
 
@@ -52,7 +52,7 @@ def verify(study: OpenStudy, *, expected_head: str | None = None) -> Verified:
     database, readable = _database(study)
     if not readable:  # nothing that is read from it means anything
         return Verified(findings=(database,), head="")
-    entries = read_sealed(study.store.connection.sqlite)
+    entries = study.store.audit()
     found = [
         database,
         *_audit(entries, expected_head),
@@ -86,7 +86,7 @@ def _database(study: OpenStudy) -> tuple[StudyCheck, bool]:
     return StudyCheck(what="Database", found="whole", ok=True), True
 
 
-def _audit(entries: Sequence[SealedEntry], expected: str | None) -> Iterator[StudyCheck]:
+def _audit(entries: Sequence[AuditEntry], expected: str | None) -> Iterator[StudyCheck]:
     mend = "Somebody changed the database outside steerlab; compare it with the last copy."
     broken = broken_at(list(entries))
     if broken is not None:
@@ -101,7 +101,7 @@ def _audit(entries: Sequence[SealedEntry], expected: str | None) -> Iterator[Stu
         yield StudyCheck(what="Audit", found=found, ok=False, mend=mend)
 
 
-def _answers(study: OpenStudy, entries: Sequence[SealedEntry]) -> Iterator[StudyCheck]:
+def _answers(study: OpenStudy, entries: Sequence[AuditEntry]) -> Iterator[StudyCheck]:
     """Every answer is the one that the audit sealed, and none that should be there is gone."""
     seals = {
         int(entry.detail.split()[1]): entry.detail for entry in entries if entry.act == ANSWERED
@@ -154,7 +154,7 @@ def _orders(study: OpenStudy) -> Iterator[StudyCheck]:
         keys = [condition.key for condition in protocol.conditions]
         index, size = places[one.allocation], protocol.block_size
         places[one.allocation] += 1
-        if one.order != order_at(keys, seed=protocol.seed, block_size=size, index=index):
+        if one.condition_order != order_at(keys, seed=protocol.seed, block_size=size, index=index):
             wrong.append(one.participant)
     if wrong:
         found = f"{', '.join(wrong)} have another order than the protocol's seed gives"
@@ -164,7 +164,7 @@ def _orders(study: OpenStudy) -> Iterator[StudyCheck]:
         yield StudyCheck(what="Condition orders", found="as the seed gives them", ok=True)
 
 
-def _clock(study: OpenStudy, entries: Sequence[SealedEntry]) -> Iterator[StudyCheck]:
+def _clock(study: OpenStudy, entries: Sequence[AuditEntry]) -> Iterator[StudyCheck]:
     """Times only grow in what is only appended to."""
     acts = read_phase_events(study.store.connection)
     answers = read_responses(study.store.connection)

@@ -11,8 +11,9 @@ from typing import Protocol
 
 import numpy as np
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.records import LabelledStep
-from steerlab.sim.rollout import FloatArray, Rollout
+from steerlab.sim.rollout import Rollout
 from steerlab.sim.teachers import Teacher
 from steerlab.teleop.devices.contract import Device, DeviceSample
 from steerlab.teleop.devices.scripted import ScriptedDevice

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.rollout import FloatArray, Outcome, Rollout
+from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.world import WorldSpec
 from tests.teleop.display import Display
 

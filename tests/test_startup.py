@@ -20,20 +20,12 @@ WITH_NETWORKS = {
     "sim": [],
     "teleop": [],
     "study": [
-        "teaching.classroom",
-        "teaching.course",
-        "teaching.driver",
         "teaching.episodes",
-        "teaching.host",
-        "teaching.learning",
-        "teaching.lesson",
-        "teaching.register",
-        "teaching.robot",
-        "teaching.script_host",
-        "teaching.scripted_hand",
-        "teaching.subject",
-        "teaching.trials",
-        "teaching.window_host",
+        "teaching.human_interface",
+        "teaching.live_round",
+        "teaching.run_teaching",
+        "teaching.scripted_interface",
+        "teaching.teaching_log",
     ],
     "analysis": [],
     "app": [
@@ -80,7 +72,7 @@ MAPPERS = [
         "mapper",
         "checkpoint",
         "streaming",
-        "ladder",
+        "baselines",
         "pretrained.mapper",
         "pretrained.ceiling",
         "empirical_bayes.mapper",
@@ -178,7 +170,7 @@ def test_help_brings_nothing():
     lines = [[], *([verb] for verb in VERBS), *(["study", act] for act in acts)]
     packages = (
         "torch", "mujoco", "numba", "numpy", "scipy", "matplotlib", "pyarrow", "rerun", "pygame",
-        "rich", "typeguard", "asyncio", "steerlab.learning", "steerlab.analysis",
+        "rich", "typeguard", "asyncio", "cattrs", "steerlab.learning", "steerlab.analysis",
     )  # fmt: skip
     code = (
         "import sys, json\n"

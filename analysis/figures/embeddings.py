@@ -16,7 +16,7 @@ from steerlab.analysis.figures.look import (
     new_figure,
     quiet,
 )
-from steerlab.analysis.figures.placement import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 
 

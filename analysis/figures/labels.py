@@ -15,7 +15,8 @@ from steerlab.analysis.figures.look import (
     new_figure,
     quiet,
 )
-from steerlab.analysis.figures.placement import FloatArray, spread
+from steerlab.analysis.figures.placement import spread
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.vehicle import WHEEL_LIMIT
 

@@ -18,7 +18,7 @@ from steerlab.analysis.figures.look import (
     new_figure,
     quiet,
 )
-from steerlab.analysis.figures.placement import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 
 _CROWD = 300  # people of a split; beyond it points are small and faint, and pixels, not shapes

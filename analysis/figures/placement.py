@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from steerlab.sim.arrays import FloatArray
 
 
 def spread(wanted: Sequence[float], gap: float) -> list[float]:

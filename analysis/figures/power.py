@@ -17,9 +17,9 @@ from steerlab.analysis.figures.look import (
     new_figure,
     quiet,
 )
-from steerlab.analysis.figures.placement import FloatArray
 from steerlab.analysis.power_study.curves import TARGETS, PowerCurve
 from steerlab.analysis.power_study.simulated_studies import HOLM
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 
 _COLOURS = (BLUE, VERMILLION, "#009E73", "#CC79A7", "#E69F00", "#56B4E9", INK)

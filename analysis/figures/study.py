@@ -21,7 +21,7 @@ from steerlab.analysis.figures.look import (
     new_figure,
     quiet,
 )
-from steerlab.analysis.figures.placement import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 
 _MARKERS = {"training": (SEEN_MARKER, PAPER), "test": (NEW_MARKER, BLUE)}

@@ -23,7 +23,7 @@ from steerlab.analysis.figures.look import (
     new_figure,
     quiet,
 )
-from steerlab.analysis.figures.placement import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 
 # Okabe & Ito again; none of these has another meaning elsewhere.

@@ -21,7 +21,8 @@ from steerlab.analysis.figures.look import (
     new_figure,
     quiet,
 )
-from steerlab.analysis.figures.placement import FloatArray, clearest_spot
+from steerlab.analysis.figures.placement import clearest_spot
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import BALL_RADIUS_M, WorldSpec
 

@@ -13,7 +13,7 @@ from steerlab.analysis.power_study.simulated_studies import (
     simulate_correlations,
     simulate_outcomes,
 )
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 
 BLOCK = 100
 """Studies of a block: less than a second, so that little is lost when a run is stopped."""

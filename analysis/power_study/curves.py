@@ -9,7 +9,7 @@ import numpy as np
 
 from steerlab.analysis.statistics.outcome import NotComputable
 from steerlab.analysis.study_tables.plain import plain
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 
 TARGETS = (0.8, 0.9)
 _Z = 1.96

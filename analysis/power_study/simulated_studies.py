@@ -22,10 +22,10 @@ from scipy.stats import chi2, f, rankdata
 from steerlab.analysis.power_study.design import PowerDesign
 from steerlab.analysis.statistics.corrections import holm
 from steerlab.analysis.statistics.outcome import NotComputable
-from steerlab.analysis.statistics.paired import wilcoxon
-from steerlab.analysis.statistics.pairs import all_pairs
+from steerlab.analysis.statistics.paired import all_pairs, wilcoxon
 from steerlab.analysis.study_tables.comparison_hypothesis import RIVALS
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.arrays import FloatArray
+from steerlab.sim.rollout import BoolArray
 
 H3A, H3B = "H3a: amplitude and w", "H3b: lag and w"
 DIFFER, BETTER = "conditions differ (Friedman)", "better than each rival (Holm)"

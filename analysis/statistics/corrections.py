@@ -1,10 +1,11 @@
 """Corrections for many tests: Holm's and Benjamini & Hochberg's."""
 
 import numpy as np
+from scipy.stats import false_discovery_control
 
 from steerlab.analysis.statistics.outcome import checked
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray
 
 
 def holm(p: FloatArray) -> FloatArray:
@@ -17,8 +18,9 @@ def holm(p: FloatArray) -> FloatArray:
     """
     p = _checked(p)
     order = np.argsort(p, kind="stable")
-    stepped = np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1))
-    return _unsorted(np.minimum(stepped, 1.0), order)
+    adjusted = np.empty_like(p)
+    adjusted[order] = np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1))
+    return np.minimum(adjusted, 1.0)
 
 
 def benjamini_hochberg(p: FloatArray) -> FloatArray:
@@ -27,11 +29,7 @@ def benjamini_hochberg(p: FloatArray) -> FloatArray:
     Raises:
         InvalidConfig: a value is no probability.
     """
-    p = _checked(p)
-    order = np.argsort(p, kind="stable")[::-1]
-    ranks = np.arange(len(p), 0, -1)
-    stepped = np.minimum.accumulate(p[order] * len(p) / ranks)
-    return _unsorted(np.minimum(stepped, 1.0), order)
+    return np.asarray(false_discovery_control(_checked(p), method="bh"))
 
 
 def _checked(p: FloatArray) -> FloatArray:
@@ -39,9 +37,3 @@ def _checked(p: FloatArray) -> FloatArray:
     if ((p < 0.0) | (p > 1.0)).any():
         raise InvalidConfig(f"p-values from {p.min()} to {p.max()}; they lie in 0 to 1.")
     return p
-
-
-def _unsorted(adjusted: FloatArray, order: np.ndarray) -> FloatArray:
-    result = np.empty_like(adjusted)
-    result[order] = adjusted
-    return result

@@ -7,20 +7,21 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import fminbound
-from scipy.stats import f, t
+from scipy.special import stdtr, stdtrit
+from scipy.stats import f
 
 from steerlab.analysis.statistics.outcome import (
-    Interval,
+    ConfidenceInterval,
     NotComputable,
     checked,
     checked_confidence,
     too_few,
 )
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray
 
-_ROUNDING = 1e-20
-_STEP = 1e-10
+_ROUNDING = 1e-20  # of the squares of y: residuals below it are rounding
+_STEP = 1e-10  # of the share of variance that is between people
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -33,7 +34,7 @@ class Coefficient:
     t: float
     freedom: int
     p: float
-    interval: Interval
+    interval: ConfidenceInterval
 
 
 class WaldF(NamedTuple):
@@ -81,13 +82,6 @@ class MixedModel:
         return WaldF(f=statistic, between=len(at), within=freedom, p=p)
 
 
-class _Fit(NamedTuple):
-    deviance: float
-    beta: FloatArray
-    information: FloatArray
-    residual: float
-
-
 def mixed_model(
     y: FloatArray,
     columns: dict[str, FloatArray],
@@ -96,6 +90,9 @@ def mixed_model(
     confidence: float = 0.95,
 ) -> MixedModel | NotComputable:
     """Fit ``y ~ columns`` with a random intercept a person, by REML as R's ``lme4::lmer``.
+
+    statsmodels' ``MixedLM`` is no substitute: its standard errors are not those of lmer where rows
+    are missing, and where people do not differ it fails to converge (``docs/statistics.md``).
 
     lmer gives no p-values. Here t has rows - people - columns degrees of freedom, those of
     ``nlme::lme`` for what varies within people; use no columns that are constant within them.
@@ -113,96 +110,88 @@ def mixed_model(
     wrong = [name for name, column in columns.items() if len(column) != len(y)]
     if wrong or len(person) != len(y):
         raise InvalidConfig(f"y has {len(y)} rows; {wrong or 'person'} has another number.")
-    names = ("intercept", *columns)
-    design = np.column_stack([np.ones(len(y)), *(checked(k, v) for k, v in columns.items())])
+    rows = np.column_stack([np.ones(len(y)), *(checked(*one) for one in columns.items()), y])
     people, group = np.unique(person, return_inverse=True)
     freedom = len(y) - len(people) - len(columns)
     if missing := too_few(len(people)):
         return missing
-    data = np.column_stack([design, y])
-    within = data - _group_means(data, group, len(people))[group]
-    if freedom < 1 or np.linalg.matrix_rank(within[:, 1:-1]) < len(columns):
+    of_person = (group == np.arange(len(people))[:, None]).astype(np.float64)  # (people, rows)
+    sums, sizes = of_person @ rows, of_person.sum(axis=1)
+    within = rows - (sums / sizes[:, None])[group]
+    effects, _, rank, _ = np.linalg.lstsq(within[:, 1:-1], within[:, -1], rcond=None)
+    if freedom < 1 or rank < len(columns):
         return NotComputable(reason=f"{len(y)} rows do not tell {', '.join(columns)} apart")
-    explained = np.linalg.lstsq(within[:, 1:-1], within[:, -1], rcond=None)[0]
-    left = within[:, -1] - within[:, 1:-1] @ explained
+    left = within[:, -1] - within[:, 1:-1] @ effects
     if left @ left <= _ROUNDING * float(y @ y):
         return NotComputable(reason="people and the fixed effects explain everything")
-    sums = _group_sums(data, group, len(people))
-    sizes = np.bincount(group).astype(np.float64)
-    products = data.T @ data
+    products = rows.T @ rows
 
-    def fit(share: float) -> _Fit:
-        return _fit(products, sums, sizes, share / (1.0 - share))
+    def deviance(share: float) -> float:
+        """REML's, where ``share`` of the variance is between people, 0 to below 1."""
+        ratio = share / (1.0 - share)
+        information, _, residual = _least_squares(products, sums, sizes, ratio)
+        return (
+            float(np.log1p(ratio * sizes).sum())
+            + float(np.linalg.slogdet(information)[1])
+            + (len(y) - len(information)) * log(max(residual, np.finfo(float).tiny))
+        )
 
-    found = fminbound(lambda share: fit(share).deviance, 0.0, 1.0 - _STEP, xtol=_STEP, maxfun=1000)
-    share = float(np.asarray(found))
-    share = share if fit(share).deviance < fit(0.0).deviance else 0.0
-    best = fit(share)
-    variance = best.residual / (len(y) - len(names))
-    covariance = np.asarray(variance * np.linalg.inv(best.information), dtype=np.float64)
+    best = fminbound(deviance, 0.0, 1.0 - _STEP, xtol=_STEP, maxfun=1000)
+    share = min(0.0, float(np.asarray(best)), key=deviance)  # fminbound never tries 0 itself
+    ratio = share / (1.0 - share)
+    information, beta, residual = _least_squares(products, sums, sizes, ratio)
+    variance = residual / (len(y) - len(beta))
+    covariance = np.asarray(variance * np.linalg.inv(information), dtype=np.float64)
     return MixedModel(
-        coefficients=_coefficients(names, best.beta, covariance, freedom, confidence),
+        coefficients=tuple(
+            _coefficient(name, float(estimate), sqrt(square), freedom, confidence)
+            for name, estimate, square in zip(
+                ("intercept", *columns), beta, np.diag(covariance), strict=True
+            )
+        ),
         covariance=covariance,
-        person_sd=sqrt(variance * share / (1.0 - share)),
+        person_sd=sqrt(variance * ratio),
         residual_sd=sqrt(variance),
         people=len(people),
         rows=len(y),
     )
 
 
-def _fit(products: FloatArray, sums: FloatArray, sizes: FloatArray, ratio: float) -> _Fit:
+def _least_squares(
+    products: FloatArray, sums: FloatArray, sizes: FloatArray, ratio: float
+) -> tuple[FloatArray, FloatArray, float]:
     """Generalized least squares where people vary ``ratio`` times as much as residuals.
 
     A person's inverse covariance is I - ratio / (1 + ratio n) 11', so sums a person suffice.
+
+    Args:
+        products: of each two columns of the design and y, (columns + 1, columns + 1).
+        sums: of these columns over each person's rows, (people, columns + 1).
+        sizes: rows of each person, (people,).
+
+    Returns:
+        The design's information (columns, columns), the coefficients (columns,) and the sum of
+        squares that they leave.
     """
     weights = ratio / (1.0 + ratio * sizes)
     whitened = products - sums.T @ (weights[:, None] * sums)
     information, with_y = whitened[:-1, :-1], whitened[:-1, -1]
     beta = np.asarray(np.linalg.solve(information, with_y), dtype=np.float64)
-    residual = float(whitened[-1, -1] - with_y @ beta)
-    freedom = sizes.sum() - len(beta)
-    deviance = (
-        float(np.log1p(ratio * sizes).sum())
-        + float(np.linalg.slogdet(information)[1])
-        + freedom * log(max(residual, np.finfo(float).tiny))
+    return information, beta, float(whitened[-1, -1] - with_y @ beta)
+
+
+def _coefficient(
+    name: str, estimate: float, error: float, freedom: int, confidence: float
+) -> Coefficient:
+    half = float(stdtrit(freedom, 0.5 + confidence / 2.0)) * error
+    return Coefficient(
+        name=name,
+        estimate=estimate,
+        error=error,
+        t=estimate / error,
+        freedom=freedom,
+        p=2.0 * float(stdtr(freedom, -abs(estimate / error))),
+        interval=ConfidenceInterval(
+            low=estimate - half, high=estimate + half, confidence=confidence
+        ),
     )
-    return _Fit(deviance=deviance, beta=beta, information=information, residual=residual)
-
-
-def _coefficients(
-    names: Sequence[str],
-    beta: FloatArray,
-    covariance: FloatArray,
-    freedom: int,
-    confidence: float,
-) -> tuple[Coefficient, ...]:
-    width = float(t.ppf(0.5 + confidence / 2.0, freedom))
-    made: list[Coefficient] = []
-    for at, name in enumerate(names):
-        estimate, error = float(beta[at]), sqrt(covariance[at, at])
-        made.append(
-            Coefficient(
-                name=name,
-                estimate=estimate,
-                error=error,
-                t=estimate / error,
-                freedom=freedom,
-                p=float(2.0 * t.sf(abs(estimate / error), freedom)),
-                interval=Interval(
-                    low=estimate - width * error,
-                    high=estimate + width * error,
-                    confidence=confidence,
-                ),
-            )
-        )
-    return tuple(made)
-
-
-def _group_sums(columns: FloatArray, group: np.ndarray, groups: int) -> FloatArray:
-    sums = np.zeros((groups, columns.shape[1]))
-    np.add.at(sums, group, columns)
-    return sums
-
-
-def _group_means(columns: FloatArray, group: np.ndarray, groups: int) -> FloatArray:
-    return _group_sums(columns, group, groups) / np.bincount(group, minlength=groups)[:, None]

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray
 
 FEWEST = 4
-"""Fisher's interval of a correlation needs four people; the other tests keep to the same floor."""
+"""People. Fisher's interval of a correlation needs four; the other tests keep to the same floor."""
 _FLAT = 1e-12  # relative; a spread below this is rounding
 
 
@@ -27,8 +27,8 @@ class NotComputable:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Interval:
-    """Where a quantity lies, at a confidence level such as 0.95."""
+class ConfidenceInterval:
+    """From where to where a quantity lies, in its unit, at a confidence level such as 0.95."""
 
     low: float
     high: float
@@ -75,6 +75,17 @@ def checked_table(name: str, table: FloatArray) -> FloatArray:
     return table
 
 
+def checked_success(success: FloatArray) -> FloatArray:
+    """The values, which are 1 for reaching the goal and 0 for not.
+
+    Raises:
+        InvalidConfig: a value is neither.
+    """
+    if other := sorted(set(np.unique(success).tolist()) - {0.0, 1.0}):
+        raise InvalidConfig(f"success has {other[0]:g}; it must be 0 or 1.")
+    return success
+
+
 def checked_confidence(confidence: float) -> float:
     """The level.
 
@@ -98,3 +109,17 @@ def flat(name: str, values: FloatArray) -> NotComputable | None:
     if np.ptp(values) > _FLAT * np.abs(values).max():
         return None
     return NotComputable(reason=f"all values of {name} are {values[0]:.6g}")
+
+
+def dependent(columns: FloatArray) -> NotComputable | None:
+    """Why the columns (n, d) span less than d dimensions, if they do."""
+    for at, column in enumerate(columns.T):
+        if missing := flat(f"dimension {at}", column):
+            return missing
+    centred = (columns - columns.mean(axis=0)) / columns.std(axis=0)
+    rank = int(np.linalg.matrix_rank(centred))
+    if rank == columns.shape[1]:
+        return None
+    return NotComputable(
+        reason=f"{columns.shape[1]} dimensions span only {rank}: they follow from each other"
+    )

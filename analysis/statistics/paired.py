@@ -1,23 +1,31 @@
-"""Two conditions within people: Wilcoxon's signed ranks, and McNemar's exact test of yes and no."""
+"""Two conditions within people: Wilcoxon's signed ranks, McNemar's test, and all pairs with Holm."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
 from math import floor, sqrt
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
-from scipy.stats import beta, binom, norm, rankdata
+from scipy.special import ndtr, ndtri
+from scipy.stats import binomtest, rankdata
 
+from steerlab.analysis.statistics.corrections import holm
 from steerlab.analysis.statistics.outcome import (
-    Interval,
+    ConfidenceInterval,
     NotComputable,
     checked_confidence,
     checked_pairs,
+    checked_success,
+    checked_table,
     too_few,
 )
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray
 
 MOST_EXACT = 49  # as in R
+_NOBODY = "nobody differs between the two conditions"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -38,7 +46,7 @@ class SignedRanks:
     p_from: Literal["exact", "normal"]
     rank_biserial: float
     shift: float
-    interval: Interval
+    interval: ConfidenceInterval
     n: int
     equal: int
 
@@ -49,7 +57,7 @@ class McNemar:
 
     Attributes:
         p: exact, two-sided: the binomial test of ``only_first`` among all who differ.
-        share: of those who differ, who succeeded under the first only; 1/2 if nothing differs.
+        share: of those who differ, who succeeded under the first only.
         share_interval: Clopper & Pearson's.
         difference: success rate of the first less that of the second, the effect size.
         difference_interval: Bonett & Price's adjusted Wald (2012).
@@ -59,10 +67,23 @@ class McNemar:
     only_second: int
     p: float
     share: float
-    share_interval: Interval
+    share_interval: ConfidenceInterval
     difference: float
-    difference_interval: Interval
+    difference_interval: ConfidenceInterval
     n: int
+
+
+PairTest = TypeVar("PairTest", SignedRanks, McNemar)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ConditionPair(Generic[PairTest]):
+    """Two conditions compared; ``p_holm`` counts the pairs that could be tested."""
+
+    first: str
+    second: str
+    test: PairTest | NotComputable
+    p_holm: float | NotComputable
 
 
 def wilcoxon(
@@ -72,33 +93,35 @@ def wilcoxon(
 
     As in R the p-value is exact below 50 people without ties or equal pairs. The interval comes
     from the means of two differences; with ties R searches for it in another way.
+    ``scipy.stats.wilcoxon`` has the same p, but neither an interval nor the distribution that the
+    interval needs, and its p alone takes longer than all of this: simulated studies would wait.
 
     Raises:
         InvalidConfig: lengths differ, a value is not finite, or ``confidence`` is no level.
     """
     first, second = checked_pairs(first, second)
     checked_confidence(confidence)
-    all_differences = first - second
-    differences = all_differences[all_differences != 0.0]
-    n = len(differences)
     if missing := too_few(len(first)):
         return missing
+    differences = first - second
+    nonzero = differences[differences != 0.0]
+    n = len(nonzero)
     if n == 0:
-        return NotComputable(reason="nobody differs between the two conditions")
-    ranks = rankdata(np.abs(differences))
-    v = float(ranks[differences > 0.0].sum())
-    tied = len(np.unique(ranks)) < n
-    exact = not tied and n == len(first) and n <= MOST_EXACT
-    means = _means_of_two(all_differences)
-    all_ranks = n * (n + 1) / 2.0
-    rank = _interval_rank(len(first), exact, confidence)
+        return NotComputable(reason=_NOBODY)
+    ranks = rankdata(np.abs(nonzero))
+    v = float(ranks[nonzero > 0.0].sum())
+    repeats = np.unique(ranks, return_counts=True)[1].astype(np.float64)
+    exact = len(repeats) == n == len(first) <= MOST_EXACT
+    i, j = _pairs_of_people(len(first))
+    means = np.sort((differences[i] + differences[j]) / 2.0)
+    rank = _interval_rank(len(first), (1.0 - confidence) / 2.0, exact)
     return SignedRanks(
         v=v,
-        p=_exact_p(v, n) if exact else _normal_p(v, ranks),
+        p=_exact_p(v, n) if exact else _normal_p(v, n, float((repeats**3 - repeats).sum())),
         p_from="exact" if exact else "normal",
-        rank_biserial=(2.0 * v - all_ranks) / all_ranks,
+        rank_biserial=4.0 * v / (n * (n + 1)) - 1.0,
         shift=float(np.median(means)),
-        interval=Interval(
+        interval=ConfidenceInterval(
             low=float(means[rank - 1]), high=float(means[-rank]), confidence=confidence
         ),
         n=len(first),
@@ -116,28 +139,28 @@ def mcnemar(
     """
     first, second = checked_pairs(first, second)
     checked_confidence(confidence)
-    if other := sorted(set(np.unique([first, second]).tolist()) - {0.0, 1.0}):
-        raise InvalidConfig(f"success has {other[0]:g}; it must be 0 or 1.")
+    checked_success(np.concatenate([first, second]))
     n = len(first)
     if missing := too_few(n):
         return missing
     more, less = int((first > second).sum()), int((first < second).sum())
-    differ = more + less
-    if differ == 0:
-        return NotComputable(reason="nobody differs between the two conditions")
-    tail = (1.0 - confidence) / 2.0
-    share_low = float(beta.ppf(tail, more, less + 1)) if more else 0.0
-    share_high = float(beta.isf(tail, more + 1, less)) if less else 1.0
+    if more + less == 0:
+        return NotComputable(reason=_NOBODY)
+    result = binomtest(more, more + less)
+    share = result.proportion_ci(confidence, method="exact")
     one, other = (more + 1) / (n + 2), (less + 1) / (n + 2)
-    half = float(norm.isf(tail)) * sqrt((one + other - (one - other) ** 2) / (n + 2))
+    half = float(ndtri(0.5 + confidence / 2.0))
+    half *= sqrt((one + other - (one - other) ** 2) / (n + 2))
     return McNemar(
         only_first=more,
         only_second=less,
-        p=min(1.0, 2.0 * float(binom.cdf(min(more, less), differ, 0.5))),
-        share=more / differ,
-        share_interval=Interval(low=share_low, high=share_high, confidence=confidence),
+        p=float(result.pvalue),
+        share=more / (more + less),
+        share_interval=ConfidenceInterval(
+            low=float(share.low), high=float(share.high), confidence=confidence
+        ),
         difference=(more - less) / n,
-        difference_interval=Interval(
+        difference_interval=ConfidenceInterval(
             low=max(-1.0, one - other - half),
             high=min(1.0, one - other + half),
             confidence=confidence,
@@ -146,11 +169,43 @@ def mcnemar(
     )
 
 
-def _means_of_two(differences: FloatArray) -> FloatArray:
-    i, j = np.triu_indices(len(differences))
-    return np.sort((differences[i] + differences[j]) / 2.0)
+def all_pairs(
+    table: FloatArray,
+    conditions: Sequence[str],
+    test: Callable[[FloatArray, FloatArray], PairTest | NotComputable],
+) -> list[ConditionPair[PairTest]]:
+    """Compare each two columns of ``table`` (people, conditions) by ``wilcoxon`` or ``mcnemar``.
+
+    Raises:
+        InvalidConfig: names and columns differ in number, or the test refuses the values.
+    """
+    table = checked_table("table", table)
+    if len(conditions) != table.shape[1] or len(set(conditions)) != len(conditions):
+        raise InvalidConfig(
+            f"{table.shape[1]} columns and the names {list(conditions)}; give each its own."
+        )
+    pairs = list(combinations(range(len(conditions)), 2))
+    tests = [test(table[:, first], table[:, second]) for first, second in pairs]
+    adjusted = iter(
+        holm(np.array([one.p for one in tests if not isinstance(one, NotComputable)])).tolist()
+    )
+    return [
+        ConditionPair(
+            first=conditions[first],
+            second=conditions[second],
+            test=result,
+            p_holm=result if isinstance(result, NotComputable) else next(adjusted),
+        )
+        for (first, second), result in zip(pairs, tests, strict=True)
+    ]
 
 
+@lru_cache(maxsize=16)
+def _pairs_of_people(n: int) -> tuple[np.ndarray, np.ndarray]:
+    return np.triu_indices(n)
+
+
+@lru_cache(maxsize=MOST_EXACT)
 def _signed_rank_shares(n: int) -> FloatArray:
     """Probability that the positive rank sum is 0, 1, ... n(n+1)/2 under the null."""
     shares = np.zeros(n * (n + 1) // 2 + 1)
@@ -163,24 +218,19 @@ def _signed_rank_shares(n: int) -> FloatArray:
 
 
 def _exact_p(v: float, n: int) -> float:
-    shares = _signed_rank_shares(n)
-    at = round(v)
-    return min(1.0, 2.0 * float(min(shares[: at + 1].sum(), shares[at:].sum())))
+    shares, v = _signed_rank_shares(n), round(v)
+    return min(1.0, 2.0 * float(min(shares[: v + 1].sum(), shares[v:].sum())))
 
 
-def _normal_p(v: float, ranks: FloatArray) -> float:
-    n = len(ranks)
-    tied = np.unique(ranks, return_counts=True)[1].astype(np.float64)
-    variance = n * (n + 1) * (2 * n + 1) / 24.0 - (tied**3 - tied).sum() / 48.0
+def _normal_p(v: float, n: int, ties: float) -> float:
     away = max(0.0, abs(v - n * (n + 1) / 4.0) - 0.5)
-    return min(1.0, float(2.0 * norm.sf(away / sqrt(variance))))
+    variance = n * (n + 1) * (2 * n + 1) / 24.0 - ties / 48.0
+    return min(1.0, 2.0 * float(ndtr(-away / sqrt(variance))))
 
 
-def _interval_rank(n: int, exact: bool, confidence: float) -> int:
+def _interval_rank(n: int, tail: float, exact: bool) -> int:
     """Which smallest and largest mean of two ends the interval, from 1."""
-    tail = (1.0 - confidence) / 2.0
     if exact:
-        below = np.cumsum(_signed_rank_shares(n))
-        return max(1, int(np.searchsorted(below, tail)))
+        return max(1, int(np.searchsorted(np.cumsum(_signed_rank_shares(n)), tail)))
     spread = sqrt(n * (n + 1) * (2 * n + 1) / 24.0)
-    return max(1, floor(n * (n + 1) / 4.0 - float(norm.isf(tail)) * spread))
+    return max(1, floor(n * (n + 1) / 4.0 + float(ndtri(tail)) * spread))

@@ -1,26 +1,35 @@
 """Do two groups of people differ? Welch's t for one quantity, Hotelling's T² for an embedding."""
 
+import warnings
 from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from scipy.special import gammaln
-from scipy.stats import norm, t
+from scipy.special import ndtri, poch
+from scipy.stats import ttest_ind
 
-from steerlab.analysis.statistics.multiple_correlation import dependent
+from steerlab.analysis.statistics.multiple_correlation import (
+    PERMUTATIONS,
+    basis_of,
+    explained_by,
+    permutation_p,
+    permuted,
+)
 from steerlab.analysis.statistics.outcome import (
-    Interval,
+    ConfidenceInterval,
     NotComputable,
     checked,
     checked_confidence,
+    dependent,
     flat,
     too_few,
 )
-from steerlab.analysis.statistics.permutation import PERMUTATIONS, permutation_p, permuted
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.rollout import BoolArray
 
 FEWEST_IN_GROUP = 2
+_ALIKE = "nobody differs within a group, so chance has no measure"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -38,9 +47,9 @@ class WelchT:
     freedom: float
     p: float
     difference: float
-    interval: Interval
+    interval: ConfidenceInterval
     g: float
-    g_interval: Interval
+    g_interval: ConfidenceInterval
     n: tuple[int, int]
 
 
@@ -74,32 +83,29 @@ def welch_t(
     """
     first, second = checked("first", first), checked("second", second)
     checked_confidence(confidence)
-    if missing := _too_few(len(first), len(second)):
-        return missing
-    if missing := flat("both groups", np.concatenate([first, second])):
-        return missing
     n, m = len(first), len(second)
-    of_first, of_second = first.var(ddof=1) / n, second.var(ddof=1) / m
-    variance = of_first + of_second
+    if missing := _too_few(n, m) or flat("both groups", np.concatenate([first, second])):
+        return missing
     if flat("", first) and flat("", second):
-        return NotComputable(reason="nobody differs within a group, so chance has no measure")
-    freedom = variance**2 / (of_first**2 / (n - 1) + of_second**2 / (m - 1))
-    difference = float(first.mean() - second.mean())
-    statistic = difference / sqrt(variance)
-    half = float(t.ppf(0.5 + confidence / 2.0, freedom)) * sqrt(variance)
-    pooled = sqrt(((n - 1) * n * of_first + (m - 1) * m * of_second) / (n + m - 2))
-    g = _small_sample(n + m - 2) * difference / pooled
-    g_half = float(norm.ppf(0.5 + confidence / 2.0)) * sqrt(
-        (n + m) / (n * m) + g**2 / (2 * (n + m))
-    )
+        return NotComputable(reason=_ALIKE)
+    with warnings.catch_warnings():  # of a constant group, which is fine if the other is not
+        warnings.filterwarnings("ignore", "Precision loss", RuntimeWarning)
+        result = ttest_ind(first, second, equal_var=False)
+    statistic, p = map(float, result)
+    low, high = result.confidence_interval(confidence)
+    difference, freedom = float(first.mean() - second.mean()), n + m - 2
+    pooled = sqrt(((n - 1) * first.var(ddof=1) + (m - 1) * second.var(ddof=1)) / freedom)
+    unbiased = float(poch((freedom - 1) / 2.0, 0.5)) / sqrt(freedom / 2.0)  # Hedges' exact J
+    g = unbiased * difference / pooled
+    half = float(ndtri(0.5 + confidence / 2.0)) * sqrt((n + m) / (n * m) + g**2 / (2 * (n + m)))
     return WelchT(
         t=statistic,
-        freedom=float(freedom),
-        p=float(2.0 * t.sf(abs(statistic), freedom)),
+        freedom=float(result.df),  # pyright: ignore[reportAttributeAccessIssue]
+        p=p,
         difference=difference,
-        interval=Interval(low=difference - half, high=difference + half, confidence=confidence),
+        interval=ConfidenceInterval(low=float(low), high=float(high), confidence=confidence),
         g=g,
-        g_interval=Interval(low=g - g_half, high=g + g_half, confidence=confidence),
+        g_interval=ConfidenceInterval(low=g - half, high=g + half, confidence=confidence),
         n=(n, m),
     )
 
@@ -126,32 +132,22 @@ def hotelling_t2(
         raise InvalidConfig(f"in_first is {in_first.shape} {in_first.dtype}; give ({n},) bool.")
     first = int(in_first.sum())
     second = n - first
-    if missing := _too_few(first, second) or too_few(n, max(4, size + 3)):
-        return missing
-    if missing := dependent(embedding):
+    if missing := _too_few(first, second) or too_few(n, max(4, size + 3)) or dependent(embedding):
         return missing
     # Total scatter is the same in every order, and T² grows with the share of it between groups.
-    basis = np.linalg.qr(embedding - embedding.mean(axis=0))[0]
+    basis = basis_of(embedding)
     weight = np.where(in_first, 1.0 / first, -1.0 / second) * sqrt(first * second / n)
-    between = min(1.0, float(np.square(weight @ basis).sum()))
-    of_chance = np.square(permuted(weight, permutations, rng) @ basis).sum(axis=1)
+    between = float(explained_by(basis, weight))
     if between >= 1.0 - 1e-12:
-        return NotComputable(reason="nobody differs within a group, so chance has no measure")
+        return NotComputable(reason=_ALIKE)
     t2 = (n - 2) * between / (1.0 - between)
     return HotellingT2(
         t2=t2,
-        p=permutation_p(between, of_chance),
+        p=permutation_p(between, explained_by(basis, permuted(weight, permutations, rng))),
         permutations=permutations,
         distance=sqrt(t2 * n / (first * second)),
         n=(first, second),
         dimensions=size,
-    )
-
-
-def _small_sample(freedom: int) -> float:
-    """Hedges' exact correction J, which makes g unbiased."""
-    return float(np.exp(gammaln(freedom / 2.0) - gammaln((freedom - 1) / 2.0))) / sqrt(
-        freedom / 2.0
     )
 
 

@@ -1,6 +1,5 @@
 """Outcomes of conditions: from a table of one's own, or from the shards of ``steerlab teach``."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,8 @@ import pyarrow.parquet as pq
 
 from steerlab.analysis.study_data.errors import NotAStudy
 from steerlab.analysis.study_data.records import ConditionValue, Exclusion
+from steerlab.analysis.study_data.teach_shard import TeachShard, read_teach_shard
+from steerlab.sim.errors import InvalidConfig
 
 METRICS = ("success", "final_distance_m", "label_mae")
 _KEYS = ("participant", "condition", "round")
@@ -40,9 +41,9 @@ def left_out_teachers(path: Path) -> tuple[Exclusion, ...]:
     """Teachers of a ``steerlab teach`` run who could not be judged, and why; of a table nobody."""
     shards = [_shard(one) for one in sorted((path / "teachers").glob("*.json"))]
     return tuple(
-        Exclusion(what="teacher", who=str(shard["teacher"]), why=str(shard["left_out"]))
+        Exclusion(what="teacher", who=shard.teacher, why=shard.left_out[0].why)
         for shard in shards
-        if shard.get("left_out")
+        if shard.left_out
     )
 
 
@@ -87,38 +88,33 @@ def _of_shards(folder: Path) -> tuple[ConditionValue, ...]:
             f"{folder} has no teachers/*.json; give the folder of a steerlab teach run, or a .csv "
             f"or .parquet table with {_EXAMPLE}."
         )
-    found: list[ConditionValue] = []
-    for path in paths:
-        shard = _shard(path)
-        try:
-            found += _of_shard(shard)
-        except (ValueError, KeyError, TypeError) as error:
-            raise NotAStudy(f"{path} is no shard of steerlab teach: {error!r}.") from error
-    return tuple(found)
+    return tuple(one for path in paths for one in _of_shard(_shard(path)))
 
 
-def _shard(path: Path) -> dict[str, Any]:
+def _shard(path: Path) -> TeachShard:
     try:
-        shard = json.loads(path.read_text(encoding="utf-8"))
-        return {**shard, "teacher": shard["teacher"]}
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise NotAStudy(f"{path} is no shard of steerlab teach: {error!r}.") from error
+        return read_teach_shard(path)[0]
+    except InvalidConfig as error:
+        raise NotAStudy(f"{path} is no shard of steerlab teach: {error}") from error
 
 
-def _of_shard(shard: Mapping[str, Any]) -> list[ConditionValue]:
+def _of_shard(shard: TeachShard) -> list[ConditionValue]:
+    if shard.left_out:
+        return []
     found: list[ConditionValue] = []
-    for condition, seeds in shard["conditions"].items():
-        for rows in zip(*(one["by_round"] for one in seeds), strict=True):
+    for condition, seeds in shard.conditions.items():
+        for rows in zip(*(one.by_round for one in seeds.values()), strict=True):
             for metric in METRICS:
-                values = [row[metric] for row in rows if row[metric] is not None]
-                if values:
+                values = [getattr(row, metric) for row in rows]
+                known = [value for value in values if value is not None]
+                if known:
                     found.append(
                         ConditionValue(
-                            person=shard["teacher"],
+                            person=shard.teacher,
                             condition=condition,
                             metric=metric,
-                            value=float(np.mean(values)),
-                            round=int(rows[0]["round"]),
+                            value=float(np.mean(known)),
+                            round=rows[0].round,
                         )
                     )
     return found

@@ -6,7 +6,6 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from steerlab.analysis.json_reader import InvalidSummary
 from steerlab.analysis.study_data.errors import NotAStudy
 from steerlab.analysis.study_data.networks import Progress, embeddings_of, judge, network_for
 from steerlab.analysis.study_data.records import Embeddings, HeldOut, Person, StudyData
@@ -37,7 +36,7 @@ def read_population(folder: Path, *, networks: int, progress: Progress) -> Study
         raise InvalidConfig(f"seeds is {networks}; give 1 or more.")
     try:
         summary = Summary.from_json((folder / SUMMARY).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, InvalidSummary) as error:
+    except (OSError, UnicodeDecodeError, InvalidConfig) as error:
         raise NotAStudy(f"{folder / SUMMARY} cannot be read: {error}") from error
     series = {split: _series(folder / LABELS / f"{split}.parquet") for split in _SPLITS}
     people = {split: list(dict.fromkeys(one.person for one in series[split])) for split in _SPLITS}

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from steerlab.learning.series import LabelSeries
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray
 from steerlab.study.surveys.answer_format import Value
 from steerlab.study.surveys.questionnaire import Questionnaire
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from steerlab.analysis.statistics.sample_power import paired_power, smallest_paired
+from steerlab.analysis.statistics.noncentral import paired_power, smallest_paired
 from steerlab.analysis.study_tables.plain import empty, is_empty, plain
 
 OURS = ("mind_meld", "mind-meld")

@@ -11,14 +11,12 @@ from steerlab.analysis.statistics.bootstrap import (
     resample_counts,
 )
 from steerlab.analysis.statistics.mixed_model import MixedModel, mixed_model
+from steerlab.analysis.statistics.omnibus import cochran_q, friedman, repeated_measures
 from steerlab.analysis.statistics.outcome import NotComputable, too_few
-from steerlab.analysis.statistics.paired import mcnemar, wilcoxon
-from steerlab.analysis.statistics.pairs import all_pairs
-from steerlab.analysis.statistics.ranked_conditions import cochran_q, friedman
-from steerlab.analysis.statistics.repeated_measures import repeated_measures
+from steerlab.analysis.statistics.paired import all_pairs, mcnemar, wilcoxon
 from steerlab.analysis.study_data.records import ConditionValue, StudyData
 from steerlab.analysis.study_tables.plain import empty, plain
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 
 NO_CONDITIONS = "no outcome of any condition is on record"
 OVER_ROUNDS = ("label_mae",)

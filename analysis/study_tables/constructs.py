@@ -9,7 +9,7 @@ import numpy as np
 from steerlab.analysis.statistics.outcome import NotComputable
 from steerlab.analysis.study_data.records import Person, StudyData
 from steerlab.analysis.style.person_style import PersonStyle
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.study.surveys.questionnaire import Questionnaire
 from steerlab.study.surveys.scoring import score
 

@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 
 from steerlab.analysis.statistics.corrections import benjamini_hochberg, holm
-from steerlab.analysis.statistics.outcome import NotComputable
-from steerlab.analysis.statistics.paired import wilcoxon
-from steerlab.analysis.statistics.sample_power import (
+from steerlab.analysis.statistics.noncentral import (
     multiple_power,
     paired_power,
     smallest_multiple,
     smallest_paired,
 )
+from steerlab.analysis.statistics.outcome import NotComputable
+from steerlab.analysis.statistics.paired import wilcoxon
 from steerlab.analysis.study_data.records import PlannedHypothesis, StudyData
 from steerlab.analysis.study_tables.comparison_hypothesis import comparison
 from steerlab.analysis.study_tables.label_quality import NO_ERROR, NOT_HELD_OUT, person_errors

@@ -9,10 +9,10 @@ from steerlab.analysis.statistics.bootstrap import (
     percentile_interval,
     resample_counts,
 )
-from steerlab.analysis.statistics.outcome import Interval, NotComputable, too_few
+from steerlab.analysis.statistics.outcome import ConfidenceInterval, NotComputable, too_few
 from steerlab.analysis.study_data.records import HeldOut, Role, StudyData
 from steerlab.analysis.study_tables.plain import empty, plain
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 
 _SPLITS: tuple[tuple[Role, str], ...] = (("training", "seen"), ("test", "new"))
 NOT_HELD_OUT = "no network was trained without the rollouts it would be judged on"
@@ -86,7 +86,9 @@ def _quality(one: HeldOut, seed: int) -> dict[str, Any]:
     }
 
 
-def _interval(before: FloatArray, after: FloatArray, seed: int) -> Interval | NotComputable:
+def _interval(
+    before: FloatArray, after: FloatArray, seed: int
+) -> ConfidenceInterval | NotComputable:
     """Percentiles of the improvement over resampled people."""
     if missing := too_few(len(before), 2):
         return missing

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from steerlab.analysis.json_reader import InvalidSummary
-from steerlab.analysis.statistics.outcome import Interval, NotComputable
+from steerlab.analysis.statistics.outcome import ConfidenceInterval, NotComputable
+from steerlab.analysis.summary import InvalidSummary
 
 DIGITS = 6
 EMPTY = "empty"
@@ -34,7 +34,7 @@ def plain(value: Any) -> Any:
     """
     if isinstance(value, NotComputable):
         return empty(value.reason)
-    if isinstance(value, Interval):
+    if isinstance(value, ConfidenceInterval):
         return [plain(value.low), plain(value.high)]
     if is_dataclass(value) and not isinstance(value, type):
         return {one.name: plain(getattr(value, one.name)) for one in fields(value)}

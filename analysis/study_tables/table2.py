@@ -6,17 +6,20 @@ from typing import Any
 import numpy as np
 
 from steerlab.analysis.statistics.corrections import benjamini_hochberg, holm
-from steerlab.analysis.statistics.first_component import first_component
-from steerlab.analysis.statistics.multiple_correlation import multiple_correlation
+from steerlab.analysis.statistics.correlation import PaperCorrelation, paper_correlation
+from steerlab.analysis.statistics.multiple_correlation import (
+    PERMUTATIONS,
+    RULE,
+    first_component,
+    multiple_correlation,
+    several_embeddings,
+)
 from steerlab.analysis.statistics.outcome import FEWEST, NotComputable
-from steerlab.analysis.statistics.paper_switch import PaperCorrelation, paper_correlation
-from steerlab.analysis.statistics.permutation import PERMUTATIONS
-from steerlab.analysis.statistics.several_embeddings import RULE, several_embeddings
 from steerlab.analysis.study_data.records import Embeddings, StudyData
 from steerlab.analysis.study_tables.constructs import Construct
 from steerlab.analysis.study_tables.gender import gender
 from steerlab.analysis.study_tables.plain import empty, is_empty, plain
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 
 
 def table2(

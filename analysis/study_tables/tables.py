@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from steerlab.analysis.statistics.multiple_correlation import multiple_correlation
+from steerlab.analysis.statistics.multiple_correlation import PERMUTATIONS, multiple_correlation
 from steerlab.analysis.statistics.outcome import FEWEST
-from steerlab.analysis.statistics.permutation import PERMUTATIONS
 from steerlab.analysis.study_data.records import Person, StudyData
 from steerlab.analysis.study_tables.conditions import conditions
 from steerlab.analysis.study_tables.constructs import (

@@ -7,8 +7,8 @@ import numpy as np
 
 from steerlab.analysis.statistics.outcome import NotComputable
 from steerlab.analysis.style.warping import IntArray, Warping
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray
 
 ZeroTruth = Literal["over", "skip"]
 """What a label is where the truth is 0, which Eq. 3 leaves open: any input is over-correction, or

@@ -8,7 +8,7 @@ from steerlab.analysis.statistics.outcome import NotComputable, flat, too_few
 from steerlab.analysis.style.metrics import Amplitude, TimingMetrics, ZeroTruth, amplitude, timing
 from steerlab.analysis.style.warping import WarpingMethod, warp
 from steerlab.learning.series import LabelSeries
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 
 FEWEST_STEPS = 4
 

@@ -4,16 +4,17 @@ from steerlab.learning.agents.catalogue import LEARNERS, baseline_of, make_agent
 from steerlab.learning.agents.contract import Agent, Episode, Gate, LabelRule, Learner, Targets
 from steerlab.learning.agents.evaluation import DriveResult, evaluate
 from steerlab.learning.agents.learner import PolicyLearner
-from steerlab.learning.agents.play import Place, play
+from steerlab.learning.agents.offline import demonstrate_offline, teach_offline
+from steerlab.learning.agents.play import play
 from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.agents.teaching import (
     BallNeverReached,
     Judging,
-    RoundResult,
     TeachingConfig,
-    demonstrate,
-    teach,
+    TeachingLoop,
+    TeachingSpec,
 )
+from steerlab.learning.agents.teaching_contract import RoundResult
 
 __all__ = [
     "LEARNERS",
@@ -25,16 +26,17 @@ __all__ = [
     "Judging",
     "LabelRule",
     "Learner",
-    "Place",
     "PolicyLearner",
     "RoundResult",
     "Targets",
     "TaskEnv",
     "TeachingConfig",
+    "TeachingLoop",
+    "TeachingSpec",
     "baseline_of",
-    "demonstrate",
+    "demonstrate_offline",
     "evaluate",
     "make_agent",
     "play",
-    "teach",
+    "teach_offline",
 ]

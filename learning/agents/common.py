@@ -3,8 +3,9 @@
 import numpy as np
 
 from steerlab.learning.agents.contract import Episode, GateInput, Learner, Targets, Watching
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.records import Driver
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.rollout import BoolArray
 
 
 class LearnerDrives:

@@ -10,8 +10,9 @@ import numpy as np
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.policy import Observations
 from steerlab.learning.policy_training import Progress, TrainingRows, no_progress
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.records import Driver
-from steerlab.sim.rollout import BoolArray, FloatArray, Outcome, Rollout
+from steerlab.sim.rollout import BoolArray, Outcome, Rollout
 
 
 class Watching(StrEnum):
@@ -90,8 +91,6 @@ class Episode:
         seen: the observations at each decision.
         rows: (decisions,) the control step each decision was made at.
         learner_wheel: (decisions,) what the learner asked for; NaN without a learner.
-        doubt: (decisions,) NaN unless the gate asked.
-        final_distance_m: from the ball at the end.
     """
 
     rollout: Rollout
@@ -101,8 +100,6 @@ class Episode:
     seen: Observations
     rows: np.ndarray
     learner_wheel: FloatArray
-    doubt: FloatArray
-    final_distance_m: float
     round_number: int
     person: str
 

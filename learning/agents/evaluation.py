@@ -8,7 +8,9 @@ import numpy as np
 from steerlab.learning.agents.contract import Learner
 from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.policy import Observations, stack
-from steerlab.sim.rollout import FloatArray, Outcome
+from steerlab.learning.policy_training import Progress, no_progress
+from steerlab.sim.arrays import FloatArray
+from steerlab.sim.rollout import Outcome
 from steerlab.sim.tasks import HELD_STEPS, Start
 
 
@@ -24,22 +26,22 @@ class DriveResult:
 class _Car:
     """One start's state while the one simulator serves the others."""
 
-    def __init__(self, stage: TaskEnv, start: Start) -> None:
-        stage.driving.reset(start=start.pose)
+    def __init__(self, env: TaskEnv, start: Start) -> None:
+        env.driving.reset(start=start.pose)
         self.noise = start.noise
-        self.physics = stage.driving.physics_state()
-        self.seen: Observations = stage.look()
+        self.physics = env.driving.physics_state()
+        self.seen: Observations = env.look()
         self.path: list[tuple[float, float]] = []
         self.outcome = Outcome.RUNNING
-        self.distance_m = stage.driving.distance_to_ball_m
-        self.mark(stage)
+        self.distance_m = env.driving.distance_to_ball_m
+        self.mark(env)
 
-    def mark(self, stage: TaskEnv) -> None:
-        pose = stage.driving.state.pose
+    def mark(self, env: TaskEnv) -> None:
+        pose = env.driving.state.pose
         self.path.append((pose.x_m, pose.y_m))
 
-    def drive(self, stage: TaskEnv, decision: int, wheel: float) -> None:
-        driving = stage.driving
+    def drive(self, env: TaskEnv, decision: int, wheel: float) -> None:
+        driving = env.driving
         driving.restore(self.physics)
         for _ in range(HELD_STEPS):
             if driving.step(wheel + float(self.noise[decision])) is not Outcome.RUNNING:
@@ -47,20 +49,27 @@ class _Car:
         self.outcome, self.distance_m = driving.outcome, driving.distance_to_ball_m
         over = self.outcome is not Outcome.RUNNING
         if over or decision % 5 == 4:
-            self.mark(stage)
+            self.mark(env)
         if not over:
             self.physics = driving.physics_state()
-            self.seen = stage.look()
+            self.seen = env.look()
 
 
-def evaluate(stage: TaskEnv, learner: Learner, starts: Sequence[Start]) -> list[DriveResult]:
-    """Drive from each of ``starts`` under its noise; nobody teaches."""
-    cars = [_Car(stage, start) for start in starts]
-    for decision in range(stage.task.decisions):
+def evaluate(
+    env: TaskEnv, learner: Learner, starts: Sequence[Start], progress: Progress = no_progress
+) -> list[DriveResult]:
+    """Drive from each of ``starts`` under its noise; nobody teaches.
+
+    Args:
+        progress: told the share of the time limit at each decision; what it raises ends it all.
+    """
+    cars = [_Car(env, start) for start in starts]
+    for decision in range(env.task.decisions):
         running = [car for car in cars if car.outcome is Outcome.RUNNING]
         if not running:
             break
+        progress((decision + 1) / env.task.decisions)
         wheels = learner.act(stack([car.seen for car in running]))
         for car, wheel in zip(running, wheels.tolist(), strict=True):
-            car.drive(stage, decision, wheel)
+            car.drive(env, decision, wheel)
     return [DriveResult(car.outcome, car.distance_m, np.array(car.path)) for car in cars]

@@ -12,9 +12,10 @@ from steerlab.learning.policy import (
     Observations,
     PolicyConfig,
     PolicyNetwork,
+    decide,
+    hidden_features,
     stack,
 )
-from steerlab.learning.policy_inference import Decider
 from steerlab.learning.policy_training import (
     PolicyTrainingConfig,
     Progress,
@@ -22,8 +23,9 @@ from steerlab.learning.policy_training import (
     no_progress,
     train_policy,
 )
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.rollout import BoolArray
 
 Doubts = Literal["none", "spread", "novelty", "risk", "safety"]
 LEARNT_WHEEL = 0.5  # an error up to which a row counts as learnt, for the doubt ``risk``
@@ -62,7 +64,6 @@ class PolicyLearner:
             PolicyNetwork(config, torch.Generator().manual_seed(1000 * seed + member))
             for member in range(members)
         ]
-        self._deciders = [Decider(network) for network in self.networks]
         self._rngs = [np.random.default_rng([seed, member, 0x7EA]) for member in range(members)]
         self._novelty: Novelty | None = None
         self._safety: SafetyModel | None = None
@@ -72,11 +73,10 @@ class PolicyLearner:
         """Take over other networks' weights; what it doubts by stays as it was."""
         for mine, other in zip(self.networks, networks, strict=True):
             mine.load_state_dict(other.state_dict())
-        self._deciders = [Decider(network) for network in self.networks]
 
     def act(self, seen: Observations) -> FloatArray:
         """The members' mean wheel, (rows,)."""
-        return np.mean([decider.wheel(seen) for decider in self._deciders], axis=0)
+        return np.mean([decide(network, seen) for network in self.networks], axis=0)
 
     def doubt(self, seen: Observations) -> FloatArray:
         """(rows,); before the first ``train`` everything is doubtful.
@@ -87,12 +87,12 @@ class PolicyLearner:
         if self._doubts == "none":
             raise InvalidConfig("This learner has no doubt; give doubts='novelty' or another.")
         if self._doubts == "spread":
-            wheels = [decider.wheel(seen) for decider in self._deciders]
+            wheels = [decide(network, seen) for network in self.networks]
             return np.std(wheels, axis=0) / SPREAD_WHEEL
         judge = self._safety if self._doubts == "safety" else self._novelty
         if judge is None:
             return np.full(len(seen), np.inf)
-        return judge(self._deciders[0].features(seen))
+        return judge(hidden_features(self.networks[0], seen))
 
     def _learnt(self, episode: TrainingRows) -> BoolArray:
         """(rows,) where the policy does by now what it was taught."""
@@ -123,13 +123,12 @@ class PolicyLearner:
             )
             for done, (network, rng) in enumerate(zip(self.networks, self._rngs, strict=True))
         ]
-        self._deciders = [Decider(network) for network in self.networks]
         if self._doubts in ("novelty", "risk"):
-            drives = [self._deciders[0].features(episode.seen) for episode in episodes]
+            drives = [hidden_features(self.networks[0], episode.seen) for episode in episodes]
             learnt = None if self._doubts == "novelty" else [*map(self._learnt, episodes)]
             self._novelty = Novelty(drives, learnt)
         elif self._doubts == "safety":
             self._safety = SafetyModel(
-                self._deciders[0].features(rows.seen), np.concatenate(self._errors)
+                hidden_features(self.networks[0], rows.seen), np.concatenate(self._errors)
             )
         return float(np.mean(losses))

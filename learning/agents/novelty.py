@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.arrays import FloatArray
+from steerlab.sim.rollout import BoolArray
 
 APART = 1  # decisions: what changes from one to the next in a drive is not new yet
 MOST_ROWS = 4000  # the newest; a tree of more slows a drive down

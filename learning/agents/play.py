@@ -1,147 +1,76 @@
-"""One drive, whoever holds the wheel: the loop that all interactive learners share."""
+"""One drive as fast as the computer allows, with a script at the wheel."""
 
-from dataclasses import dataclass
+from math import nan
 
 import numpy as np
 
-from steerlab.learning.agents.contract import Episode, Gate, GateInput, Learner, Watching
-from steerlab.learning.agents.task_env import TaskEnv
-from steerlab.learning.policy import Observations, stack
+from steerlab.learning.agents.contract import Episode, Watching
+from steerlab.learning.agents.drive import HeldGate, Robot, RoundDrive
+from steerlab.learning.agents.episode import make_episode, make_rollout
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.engine.driving import DrivingState
-from steerlab.sim.live_teacher import DriveContext, LiveTeacher, Responding
+from steerlab.sim.live_teacher import LiveTeacher, Responding
 from steerlab.sim.records import Driver
-from steerlab.sim.rollout import FloatArray, Outcome, Rollout
-from steerlab.sim.tasks import HELD_STEPS, Start
-
-NAN = float("nan")
+from steerlab.sim.rollout import Outcome
+from steerlab.sim.tasks import HELD_STEPS
 
 
-@dataclass(frozen=True, kw_only=True)
-class Place:
-    """Where in a teacher's session a drive stands; noise and drift depend on it, conditions do not.
-
-    Attributes:
-        order: drives the teacher has seen before, calibration included.
-    """
-
-    name: str
-    round_number: int
-    order: int
-    attempt: int = 0
-
-
-class _Log:
-    """Collects columns while a drive runs."""
-
-    def __init__(self) -> None:
-        self.states: list[DrivingState] = []
-        self.physics: list[FloatArray] = []
-        self.robot: list[float] = []
-        self.live: list[float] = []
-        self.seen: list[Observations] = []
-        self.rows: list[int] = []
-        self.learner: list[float] = []
-        self.doubt: list[float] = []
-        self.taught: list[bool] = []
-
-
-def play(
-    stage: TaskEnv,
-    learner: Learner | None,
-    teacher: Responding,
-    gate: Gate,
-    start: Start,
-    place: Place,
-    *,
-    live: LiveTeacher,
-    rng: np.random.Generator,
-) -> Episode:
-    """Drive from ``start`` to the end; the teacher drives where ``gate`` says so.
+def play(drive: RoundDrive, teacher: Responding, live: LiveTeacher) -> Episode:
+    """Drive from the start to the end; the teacher drives where the gate says so.
 
     Args:
-        learner: None while there is none yet; the gate must then leave the wheel to the teacher.
         teacher: gives feedback on the whole drive afterwards, knowing all of it.
         live: the same person at the wheel, who knows only what has been.
-        rng: for gates that draw.
     """
-    driving, reacting = stage.driving, gate.watching is Watching.REACTING
-    log, held = _Log(), Driver.TEACHER if learner is None else Driver.ROBOT
-    state = driving.reset(start=start.pose)
+    env, context, driving = drive.env, drive.context, drive.env.driving
+    reacting, untaught = drive.gate.watching is Watching.REACTING, drive.learner is None
+    robot = Robot(env, drive.learner, doubts=drive.gate.needs_doubt)
+    gate = HeldGate(drive.gate)
+    states: list[DrivingState] = []
+    physics: list[FloatArray] = []
+    robot_wheel: list[float] = []
+    hands: list[float] = []
+    taught: list[bool] = []
+    state = driving.reset(start=drive.start.pose)
+    gate.begin(drive.number, drive.gate_rng(), Driver.TEACHER if untaught else Driver.ROBOT)
     if reacting:
-        config = stage.task.driving
-        live.begin(
-            DriveContext(
-                name=place.name,
-                order=place.order,
-                attempt=place.attempt,
-                steps=config.max_steps,
-                control_hz=config.control_hz,
-            )
-        )
-    gate.begin(place.round_number, rng)
-    for decision, noise in enumerate(start.noise.tolist()):
-        seen = stage.look()
-        wheel = NAN if learner is None else float(learner.act(seen)[0])
-        doubt = float(learner.doubt(seen)[0]) if learner is not None and gate.needs_doubt else NAN
-        truth = stage.oracle(state) if reacting else NAN
-        hand = live.react(truth) if reacting else NAN
-        held = gate.who_drives(GateInput(decision, held, wheel, hand, truth, doubt))
-        taught = held is Driver.TEACHER
-        log.seen.append(seen)
-        log.rows.append(len(log.states))
-        log.learner.append(wheel)
-        log.doubt.append(doubt)
-        log.taught.append(taught)
-        for step in range(HELD_STEPS):
-            if step and reacting:
-                hand = live.react(stage.oracle(state))
-            log.states.append(state)
-            log.physics.append(driving.physics_state())
-            log.robot.append(hand if learner is None else wheel)
-            log.live.append(hand if taught else NAN)
-            driving.step((hand if taught else wheel) + noise)
-            state = driving.state
-            if driving.outcome is not Outcome.RUNNING:
-                break
+        live.begin(context)
+    for noise in np.repeat(drive.start.noise, HELD_STEPS).tolist():
+        wheel = robot(state)
+        truth = env.oracle(state) if reacting else nan
+        hand = live.react(truth) if reacting else nan
+        who = gate.who_drives(len(states), nan if untaught else wheel, hand, truth, robot.doubt)
+        states.append(state)
+        physics.append(driving.physics_state())
+        robot_wheel.append(hand if untaught else wheel)
+        hands.append(hand)
+        taught.append(who is Driver.TEACHER)
+        driving.step((hand if taught[-1] else wheel) + noise)
+        state = driving.state
         if driving.outcome is not Outcome.RUNNING:
             break
-    rollout = _rollout(stage, log, place)
-    known = rollout.oracle_valid.any()
-    return Episode(
-        rollout=rollout,
-        feedback=(
-            teacher.respond(rollout, order=place.order, attempt=place.attempt)
-            if known
-            else np.full(rollout.steps, np.nan)
-        ),
-        live=np.array(log.live),
-        teacher_drives=np.array(log.taught),
-        seen=stack(log.seen),
-        rows=np.array(log.rows),
-        learner_wheel=np.array(log.learner),
-        doubt=np.array(log.doubt),
-        final_distance_m=driving.distance_to_ball_m,
-        round_number=place.round_number,
-        person=teacher.name,
-    )
-
-
-def _rollout(stage: TaskEnv, log: _Log, place: Place) -> Rollout:
-    pose = np.array([(s.pose.x_m, s.pose.y_m, s.pose.heading_rad) for s in log.states])
-    velocity = np.array([s.velocity for s in log.states])
-    labels = stage.planner.label_rollout(pose, velocity[:, 0])
-    return Rollout(
-        name=place.name,
-        world=stage.task.world,
-        control_hz=stage.task.driving.control_hz,
-        seed=stage.seed,
-        outcome=stage.driving.outcome,
-        t_s=np.arange(len(pose)) / stage.task.driving.control_hz,
+    pose = np.array([(s.pose.x_m, s.pose.y_m, s.pose.heading_rad) for s in states])
+    velocity = np.array([s.velocity for s in states])
+    rollout = make_rollout(
+        env,
+        context.name,
+        driving.outcome,
         pose=pose,
         velocity=velocity,
-        acceleration=np.array([s.acceleration for s in log.states]),
-        robot_wheel=np.array(log.robot),
-        oracle_label=labels.wheel,
-        oracle_valid=labels.valid,
-        physics_state=np.array(log.physics),
+        acceleration=np.array([s.acceleration for s in states]),
+        robot_wheel=np.array(robot_wheel),
+        truth=env.planner.label_rollout(pose, velocity[:, 0]).wheel,
+        physics_state=np.array(physics),
+    )
+    feedback = np.full(rollout.steps, nan)
+    if rollout.oracle_valid.any():
+        feedback = teacher.respond(rollout, order=context.order, attempt=context.attempt)
+    return make_episode(
+        rollout,
+        teacher_wheel=np.array(hands),
+        teacher_drives=np.array(taught),
+        feedback=feedback,
+        seen=robot.seen,
+        number=drive.number,
+        person=teacher.name,
     )

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 
 UNSAFE_WHEEL = 0.5  # an error larger than this is unsafe
 PENALTY = 1.0

@@ -9,6 +9,7 @@ from steerlab.sim.engine.camera import Camera, CameraConfig
 from steerlab.sim.engine.driving import Driving, DrivingState
 from steerlab.sim.errors import NoPath
 from steerlab.sim.ground_truth import Planner
+from steerlab.sim.live_teacher import DriveContext
 from steerlab.sim.tasks import Screened, Task, screen_starts
 
 
@@ -41,6 +42,18 @@ class TaskEnv:
             camera = CameraConfig(width=CAMERA_PX, height=CAMERA_PX)
             self._camera = Camera(self.driving.model, self.driving.data, camera)
         return self._camera.frame()
+
+    def context(self, name: str, *, number: int, order: int, attempt: int) -> DriveContext:
+        """Of a drive of round ``number`` here."""
+        config = self.task.driving
+        return DriveContext(
+            name=name,
+            order=order,
+            attempt=attempt,
+            steps=config.max_steps,
+            control_hz=config.control_hz,
+            round_number=number,
+        )
 
     def oracle(self, state: DrivingState) -> float:
         """Ground truth for a state; NaN where no way leads to the ball."""

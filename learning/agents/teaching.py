@@ -1,73 +1,84 @@
-"""One teacher, one condition: the demonstration, then rounds of driving, labels and training."""
+"""One loop in which anyone teaches: the first demonstration, then rounds of drive and learning.
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+Who teaches and in which time is the interface's matter, where it is kept the log's. Everything
+else, such as who labels what, what is trained on and what is evaluated, is decided here.
+"""
 
-import numpy as np
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
+from time import perf_counter
 
-from steerlab.learning.agents.common import TeacherDrives
+from steerlab.learning.agents.common import TeacherDrives, WhereTeacherDrives
 from steerlab.learning.agents.contract import Agent, Episode, Targets
+from steerlab.learning.agents.drive import RoundDrive
+from steerlab.learning.agents.episode import label_errors
 from steerlab.learning.agents.evaluation import DriveResult, evaluate
 from steerlab.learning.agents.learner import PolicyLearner
 from steerlab.learning.agents.oracle import OracleLabelRule
-from steerlab.learning.agents.play import Place, play
 from steerlab.learning.agents.task_env import TaskEnv
+from steerlab.learning.agents.teaching_contract import (
+    AfterRest,
+    DriveLog,
+    FinishedDrive,
+    RoundResult,
+    TeacherInterface,
+    TeachingLog,
+)
 from steerlab.learning.policy import PolicyConfig
-from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingRows
+from steerlab.learning.policy_training import (
+    PolicyTrainingConfig,
+    Progress,
+    TrainingDiverged,
+    TrainingRows,
+)
 from steerlab.sim.errors import InvalidConfig, SteerlabError
-from steerlab.sim.live_teacher import DrivingStyle, LiveTeacher, Responding
+from steerlab.sim.live_teacher import DrivingStyle
 from steerlab.sim.rollout import Outcome
-from steerlab.sim.tasks import HELD_STEPS, Start, draw_task_start, redraw_noise
+from steerlab.sim.tasks import HELD_STEPS, Start
 
-CALIBRATION_DRIVES = 12  # what a teacher has corrected before they teach
+REMEMBERING = "The robot remembers what it was taught"
+TRYING = "That is all. The robot tries out what it has learnt, and the window closes by itself"
 
 
 class BallNeverReached(SteerlabError):
     """A teacher who never gets to the ball cannot demonstrate; nothing can be learned from them."""
 
 
+class NothingShown(SteerlabError):
+    """The first demonstration holds no label."""
+
+
+class RoundDiverged(TrainingDiverged):
+    """A round cannot be learnt from; its drive is kept, and the learner is as it was before it."""
+
+    def __init__(self, round_number: int, why: str) -> None:
+        super().__init__(why)
+        self.round_number = round_number
+
+
 @dataclass(frozen=True, kw_only=True)
 class TeachingConfig:
-    """How long and how it is judged.
+    """How long it is taught, and how.
 
     Attributes:
+        rounds: after the first demonstration.
         evaluate_every: rounds between evaluations; the last round always is.
-        demonstrations: tries at the first demonstration before the teacher is given up.
+        driving_style: of scripted teachers.
+        tries: at the first demonstration before the teacher is given up.
     """
 
     rounds: int = 12
     evaluate_every: int = 2
     driving_style: DrivingStyle = "softened"
-    demonstrations: int = 10
+    tries: int = 10
     policy: PolicyConfig = field(default_factory=PolicyConfig)
     training: PolicyTrainingConfig = field(default_factory=PolicyTrainingConfig)
 
     def __post_init__(self) -> None:
-        for name in ("rounds", "evaluate_every", "demonstrations"):
+        for name in ("rounds", "evaluate_every", "tries"):
             if getattr(self, name) < 1:
                 raise InvalidConfig(f"{name} is {getattr(self, name)}; it must be at least 1.")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RoundResult:
-    """What a round asked of the teacher and left; round 0 is the demonstration.
-
-    Attributes:
-        label_mae: mean |target - truth| over the rows asked for; None where there is none.
-        teacher_seconds: with the wheel in hand, labelling or driving.
-        drives: evaluation drives after training; empty where this round was not evaluated.
-        loss: last mean training loss; None where the gate let no label through.
-    """
-
-    round_number: int
-    episode: Episode
-    outcome: Outcome
-    label_mae: float | None
-    labels_asked: int
-    teacher_seconds: float
-    switches: int
-    loss: float | None
-    drives: list[DriveResult]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,127 +89,255 @@ class Judging:
     at_the_end: Sequence[Start]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TeachingSpec:
+    """Who teaches which learner.
+
+    Attributes:
+        teacher: their name.
+        seed: of starts, noise, initial weights and batches, which no agent changes.
+    """
+
+    teacher: str
+    agent: Agent
+    config: TeachingConfig
+    judging: Judging
+    seed: int
+
+
+@dataclass
+class _Learnt:
+    """What a rest has brought so far; ``result`` is None until the learner has learnt."""
+
+    learner: PolicyLearner
+    result: RoundResult | None = None
+    drives: Sequence[DriveResult] = ()
+
+
+class TeachingLoop:
+    """One teacher teaches one learner; goes on after whatever round was kept last.
+
+    A drive that was finished before a crash, and not learnt from yet, is learnt from first.
+
+    Attributes:
+        learner: as the last round that was kept left it.
+    """
+
+    def __init__(
+        self, spec: TeachingSpec, env: TaskEnv, log: TeachingLog, interface: TeacherInterface
+    ) -> None:
+        self._spec, self._env = spec, env
+        self._log, self._interface = log, interface
+        self.learner = new_learner(spec)
+        self._collected: list[TrainingRows] = []
+
+    def run(self) -> bool:
+        """Teach to the end; False if it was stopped, and then it goes on from there.
+
+        Raises:
+            BallNeverReached: the first demonstration never got there.
+            NothingShown: it holds no label.
+            RoundDiverged: a loss was not finite.
+            SteerlabError: interface or log fail.
+        """
+        done = len(self._log.rounds())
+        if done and not self._interface.wait(REMEMBERING, self._remember):
+            return False
+        for number in range(done, self._spec.config.rounds + 1):
+            if not self._round(number):
+                return False
+        return self._interface.wait(TRYING, self._evaluate_rest)
+
+    def _remember(self, progress: Progress) -> None:
+        """Bring a new learner to where the last round that was kept left it.
+
+        It is trained anew on the rows of each round, which also brings back what policies do not
+        hold (the state of its randomness, what it doubts by); its weights are then the kept ones,
+        so that another machine's rounding does not make another robot.
+        """
+        kept = self._log.rounds()
+        for done, one in enumerate(kept):
+            progress(done / len(kept))
+            rows = one.rows()
+            if rows is not None:
+                self._collected.append(rows)
+                self.learner.train(self._collected)
+        self.learner.load(kept[-1].networks())
+
+    def _round(self, number: int) -> bool:
+        """Until the round is kept; False to stop."""
+        drive = self._left_over(number)
+        while True:
+            drive = drive or self._drive(number)
+            if drive is None:
+                return False
+            learnt = _Learnt(deepcopy(self.learner))  # a redo, or a failure, leaves what was
+            try:
+                how = self._rest(number, drive, learnt)
+            except TrainingDiverged as error:
+                if drive.seen is not None:
+                    raise RoundDiverged(number, str(error)) from error
+                drive = None  # of an earlier run, where it was so before: drive anew
+                continue
+            if learnt.result is not None and how is not AfterRest.REDO:
+                self._keep(learnt.result, learnt)
+            if how is AfterRest.STOP:
+                return False
+            if learnt.result is not None and how is AfterRest.GO_ON:
+                return True
+            drive = None
+
+    def _left_over(self, number: int) -> FinishedDrive | None:
+        """A drive of this round that was finished, and not learnt from yet."""
+        found = self._log.left_over(number)
+        if found is None or (number == 0 and found.outcome is not Outcome.BALL_REACHED):
+            return None
+        return found
+
+    def _drive(self, number: int) -> FinishedDrive | None:
+        """One drive; None to stop."""
+        spec = self._spec
+        if number == 0:
+            return demonstrate(
+                self._env,
+                self._log,
+                self._interface,
+                teacher=spec.teacher,
+                seed=spec.seed,
+                tries=spec.config.tries,
+            )
+        drive = RoundDrive(
+            env=self._env,
+            context=self._log.next_drive(number),
+            gate=spec.agent.gate,
+            learner=self.learner,
+            seed=spec.seed,
+        )
+        return self._interface.drive(drive)
+
+    def _rest(self, number: int, drive: FinishedDrive, learnt: _Learnt) -> AfterRest:
+        def learn(progress: Progress) -> None:
+            self._learn(number, drive, learnt, progress)
+
+        def meanwhile(progress: Progress) -> None:
+            if self._is_evaluated(number):
+                learnt.drives = self._evaluate(number, learnt.learner, progress)
+            self._evaluate_rest(progress)
+
+        return self._interface.rest(number, drive.outcome, learn, meanwhile)
+
+    def _learn(
+        self, number: int, drive: FinishedDrive, learnt: _Learnt, progress: Progress
+    ) -> None:
+        """Make targets of the drive and train on them; a drive without any changes nothing."""
+        progress(0.0)
+        began_s = perf_counter()
+        episode = self._log.episode(drive)
+        targets = self._targets(number, episode)
+        rows = targets.rows(episode.seen)
+        loss = None
+        if rows is not None:
+            loss = learnt.learner.train([*self._collected, rows], progress)
+        elif number == 0:
+            raise NothingShown(
+                f"The first drive of {self._spec.teacher} holds no label that can be learnt from; "
+                "look at the device, and drive again."
+            )
+        label_mae, given_mae = label_errors(episode, targets)
+        asked = int(targets.asked.sum())
+        learnt.result = RoundResult(
+            round_number=number,
+            drive=drive,
+            episode=episode,
+            targets=targets,
+            rows=rows,
+            label_mae=label_mae,
+            given_mae=given_mae,
+            labels_asked=asked,
+            teacher_seconds=asked * HELD_STEPS / episode.rollout.control_hz,
+            switches=episode.switches,
+            loss=loss,
+            training_s=perf_counter() - began_s,
+        )
+        progress(1.0)
+
+    def _targets(self, number: int, episode: Episode) -> Targets:
+        """By the agent's rule; what is shown first is taken as it was driven, never mapped."""
+        agent = self._spec.agent
+        if number > 0:
+            return agent.rule.target(episode, self.learner)
+        rule = OracleLabelRule() if agent.demonstration_is_oracle else WhereTeacherDrives()
+        return rule.target(episode, self.learner)
+
+    def _keep(self, result: RoundResult, learnt: _Learnt) -> None:
+        self._log.keep(replace(result, drives=learnt.drives), learnt.learner.networks)
+        self.learner = learnt.learner
+        if result.rows is not None:
+            self._collected.append(result.rows)
+
+    def _is_evaluated(self, number: int) -> bool:
+        config = self._spec.config
+        return number == config.rounds or number % config.evaluate_every == 0
+
+    def _evaluate(
+        self, number: int, learner: PolicyLearner, progress: Progress
+    ) -> list[DriveResult]:
+        judging, last = self._spec.judging, number == self._spec.config.rounds
+        starts = judging.at_the_end if last else judging.on_the_way
+        return evaluate(self._env, learner, starts, progress)
+
+    def _evaluate_rest(self, progress: Progress) -> None:
+        """Let the policies of all rounds drive that are kept and have not driven yet."""
+        kept = self._log.rounds()
+        waiting = [one for one in kept if not one.evaluated and self._is_evaluated(one.number)]
+        for done, one in enumerate(waiting):
+            fresh = new_learner(self._spec)
+            fresh.load(one.networks())
+
+            def on_share(share: float, done: int = done) -> None:
+                progress((done + share) / len(waiting))
+
+            self._log.keep_drives(one.number, self._evaluate(one.number, fresh, on_share))
+
+
 def demonstrate(
-    stage: TaskEnv, teacher: Responding, config: TeachingConfig, *, seed: int
-) -> tuple[Episode, int]:
+    env: TaskEnv, log: DriveLog, interface: TeacherInterface, *, teacher: str, seed: int, tries: int
+) -> FinishedDrive | None:
     """The first demonstration, redone with other noise until it reaches the ball.
 
     Returns:
-        the demonstration, and how many tries failed before it.
+        the drive that did; None to stop.
 
     Raises:
-        BallNeverReached: it never does.
+        BallNeverReached: none of ``tries`` drives does.
     """
-    live = LiveTeacher(teacher, config.driving_style)
-    start = draw_task_start(stage.task, "teach", seed, 0)
-    for attempt in range(config.demonstrations):
-        place = _place(stage, seed, 0, attempt)
-        noisy = redraw_noise(stage.task, start, seed, attempt)
-        episode = play(
-            stage, None, teacher, TeacherDrives(), noisy, place,
-            live=live, rng=np.random.default_rng(0),
-        )  # fmt: skip
-        if episode.outcome is Outcome.BALL_REACHED:
-            return episode, attempt
+    failed: Outcome | None = None
+    for left in range(tries, 0, -1):
+        drive = RoundDrive(
+            env=env,
+            context=log.next_drive(0),
+            gate=TeacherDrives(),
+            learner=None,
+            seed=seed,
+            failed=failed,
+            tries_left=left,
+        )
+        found = interface.drive(drive)
+        if found is None or found.outcome is Outcome.BALL_REACHED:
+            return found
+        failed = found.outcome
     raise BallNeverReached(
-        f"{teacher.name} did not reach the ball of task {stage.task.name!r} in "
-        f"{config.demonstrations} demonstrations ({config.driving_style} driving, noise "
-        f"{stage.task.noise:g}); leave them out, or lower the noise."
+        f"{teacher} did not reach the ball of task {env.task.name!r} in {tries} first drives "
+        f"(noise {env.task.noise:g}), so there is nothing to learn from."
     )
 
 
-def teach(
-    stage: TaskEnv,
-    agent: Agent,
-    teacher: Responding,
-    demonstration: Episode,
-    judging: Judging,
-    config: TeachingConfig,
-    *,
-    seed: int,
-    progress: Callable[[float], None],
-) -> tuple[PolicyLearner, list[RoundResult]]:
-    """Train one learner; starts, noise and initial weights depend on ``seed``, not on the agent.
-
-    Raises:
-        TrainingDiverged: a loss was not finite.
-    """
-    learner = PolicyLearner(
-        seed,
-        members=agent.ensemble,
-        doubts=agent.doubts,
-        policy=config.policy,
-        training=config.training,
-    )
-    live = LiveTeacher(teacher, config.driving_style)
-    collected: list[TrainingRows] = []
-    results: list[RoundResult] = []
-    for number in range(config.rounds + 1):
-        if number == 0:
-            episode = demonstration
-            targets = _demonstrated(agent, demonstration, learner)
-        else:
-            episode = play(
-                stage,
-                learner,
-                teacher,
-                agent.gate,
-                draw_task_start(stage.task, "teach", seed, number),
-                _place(stage, seed, number, 0),
-                live=live,
-                rng=np.random.default_rng([seed, number, 0x6A7E]),
-            )
-            targets = agent.rule.target(episode, learner)
-        rows = targets.rows(episode.seen)
-        loss = None
-        if rows is not None:  # a round in which nobody was asked leaves the policy as it is
-            collected.append(rows)
-            loss = learner.train(collected)
-        last = number == config.rounds
-        starts = judging.at_the_end if last else judging.on_the_way
-        judged = last or number % config.evaluate_every == 0
-        drives = evaluate(stage, learner, starts) if judged else []
-        results.append(_result(number, episode, targets, loss, drives))
-        progress((number + 1) / (config.rounds + 1))
-    return learner, results
-
-
-def _demonstrated(agent: Agent, episode: Episode, learner: PolicyLearner) -> Targets:
-    """What everyone learns first: what the teacher did, never mapped (see ``mind_meld.py``)."""
-    if agent.demonstration_is_oracle:
-        return OracleLabelRule().target(episode, learner)
-    label = episode.live[episode.rows]
-    everywhere = np.ones(len(label), dtype=bool)
-    return Targets(label, everywhere.astype(float), everywhere)
-
-
-def _result(
-    number: int,
-    episode: Episode,
-    targets: Targets,
-    loss: float | None,
-    drives: list[DriveResult],
-) -> RoundResult:
-    judged = targets.asked & np.isfinite(targets.target) & np.isfinite(episode.truth)
-    error = np.abs(targets.target - episode.truth)[judged]
-    asked = int(targets.asked.sum())
-    return RoundResult(
-        round_number=number,
-        episode=episode,
-        outcome=episode.outcome,
-        label_mae=float(error.mean()) if len(error) else None,
-        labels_asked=asked,
-        teacher_seconds=asked * HELD_STEPS / episode.rollout.control_hz,
-        switches=episode.switches,
-        loss=loss,
-        drives=drives,
-    )
-
-
-def _place(stage: TaskEnv, seed: int, number: int, attempt: int) -> Place:
-    return Place(
-        name=f"{stage.task.name}-s{seed}-r{number:02d}",
-        round_number=number,
-        order=CALIBRATION_DRIVES + number,
-        attempt=attempt,
+def new_learner(spec: TeachingSpec) -> PolicyLearner:
+    """Nothing learnt yet; the weights depend on the seed alone."""
+    return PolicyLearner(
+        spec.seed,
+        members=spec.agent.ensemble,
+        doubts=spec.agent.doubts,
+        policy=spec.config.policy,
+        training=spec.config.training,
     )

@@ -7,7 +7,7 @@ import numpy as np
 from steerlab.learning.errors import InvalidLabels, NotFitted
 from steerlab.learning.people import by_person, of_person
 from steerlab.learning.series import LabelSeries
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 

@@ -14,7 +14,7 @@ from steerlab.learning.presets import LAB, MapperConfig
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.training import train
 from steerlab.learning.windows import make_windows
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.scripted_teacher import TeacherStyle
 
 

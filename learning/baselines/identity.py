@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from steerlab.learning.series import LabelSeries
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 

@@ -8,7 +8,7 @@ from torch import Tensor
 from steerlab.learning.errors import InvalidLabels, UnknownPerson
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.series import LabelSeries
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 
 
 class MeanEmbeddingMapper:

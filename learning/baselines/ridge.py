@@ -9,7 +9,7 @@ from steerlab.learning.errors import InvalidLabels, NotFitted
 from steerlab.learning.people import by_person, of_person
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.windows import WindowConfig, make_windows
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 PENALTIES: FloatArray = 10.0 ** np.arange(-2.0, 5.1, 0.5)

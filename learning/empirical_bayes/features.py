@@ -3,7 +3,8 @@
 import numpy as np
 
 from steerlab.learning.empirical_bayes.grid import RATE_HZ
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.arrays import FloatArray
+from steerlab.sim.rollout import BoolArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 HALF_WIDTH_S = 1.0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from steerlab.learning.errors import InvalidLabels
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 
 _SHRUNK_VARIANCE = 0.01
 

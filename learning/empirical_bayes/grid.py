@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from steerlab.learning.series import LabelSeries
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.arrays import FloatArray
+from steerlab.sim.rollout import BoolArray
 
 RATE_HZ = 20.0  # of the shipped calibration set; other rates are read between steps
 _TOLERANCE = 1e-6  # of a step: rounding only

@@ -9,7 +9,7 @@ from steerlab.learning.empirical_bayes.gaussian import Moments, Prior, fit_prior
 from steerlab.learning.empirical_bayes.grid import GridSeries, from_grid
 from steerlab.learning.errors import InvalidLabels, NotFitted, UnknownPerson
 from steerlab.learning.series import LabelSeries
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 

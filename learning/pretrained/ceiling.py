@@ -15,8 +15,8 @@ from steerlab.learning.pretrained.model import PretrainedModel
 from steerlab.learning.pretrained.teachers import TeacherRanges
 from steerlab.learning.pretrained.true_style import known_style
 from steerlab.learning.series import LabelSeries
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.populations import HUMAN
-from steerlab.sim.rollout import FloatArray
 from steerlab.sim.scripted_teacher import TeacherStyle
 
 # The populations' own ranges, and nothing beside them: the ceiling need not be robust.

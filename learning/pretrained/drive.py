@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray, Rollout
+from steerlab.sim.rollout import Rollout
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -17,8 +17,9 @@ from steerlab.learning.pretrained.model import PretrainedModel, map_labels
 from steerlab.learning.pretrained.network import ResidualNetwork
 from steerlab.learning.pretrained.study_batch import StudyBatch
 from steerlab.learning.training import torch_threads
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.rollout import BoolArray
 
 _SHARES = np.linspace(0.0, 1.0, 1001)
 

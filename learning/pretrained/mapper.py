@@ -16,7 +16,7 @@ from steerlab.learning.pretrained.teachers import STYLE
 from steerlab.learning.pretrained.weights import load_shipped_model
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.training import torch_threads
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 FINE_TUNING = FineTuningConfig()

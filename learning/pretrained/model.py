@@ -16,7 +16,8 @@ from steerlab.learning.pretrained.network import (
 )
 from steerlab.learning.pretrained.style import StyleEncoder, mirrored_style
 from steerlab.learning.pretrained.teachers import STYLE
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.arrays import FloatArray
+from steerlab.sim.rollout import BoolArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 DELAY_RANGE_S = (-0.8, 1.3)  # of what was simulated

@@ -8,7 +8,7 @@ from steerlab.learning.empirical_bayes.grid import GridSeries, grid_positions
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.pretrained.style import StyleMoments, concatenate, style_moments
 from steerlab.learning.series import CONTEXT, LabelSeries
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 
 
 def motion_on_grid(series: LabelSeries) -> FloatArray:

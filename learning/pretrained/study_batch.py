@@ -12,7 +12,8 @@ from steerlab.learning.empirical_bayes.grid import GridSeries
 from steerlab.learning.pretrained.model import PretrainedModel, closed_form
 from steerlab.learning.pretrained.style import concatenate, style_moments
 from steerlab.learning.series import LabelSeries
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.arrays import FloatArray
+from steerlab.sim.rollout import BoolArray
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -20,7 +20,8 @@ from steerlab.learning.empirical_bayes.features import (
 )
 from steerlab.learning.empirical_bayes.gaussian import Moments, Prior, fit_prior, posterior
 from steerlab.learning.empirical_bayes.grid import RATE_HZ
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.arrays import FloatArray
+from steerlab.sim.rollout import BoolArray
 
 DELAYS_S = np.arange(-8, 13) * 0.1  # of the forward model's taps
 DEAD_ZONE_DELAYS_S = (0.0, 0.2, 0.4)

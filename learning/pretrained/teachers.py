@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steerlab.learning.pretrained.drive import PretrainingDrive
-from steerlab.sim.rollout import BoolArray, FloatArray
+from steerlab.sim.arrays import FloatArray
+from steerlab.sim.rollout import BoolArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 STYLE = ("log_gain", "delay_s", "lag_s", "dead_zone", "bias", "log_noise", "noise_time_s")

@@ -36,8 +36,8 @@ from steerlab.learning.pretrained.teachers import SimulatedStudy, TeacherRanges,
 from steerlab.learning.pretrained.true_style import known_readout, known_style
 from steerlab.learning.pretrained.weights import save_model
 from steerlab.learning.training import torch_threads
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray
 
 Progress = Callable[[str, float], None]
 _AT_ONCE = 100  # people whose features are held at once

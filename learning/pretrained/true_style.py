@@ -4,7 +4,7 @@ import numpy as np
 
 from steerlab.learning.pretrained.style import SIGNED, STYLE_SIZE
 from steerlab.learning.pretrained.teachers import STYLE
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 
 _CENTRE = np.array([0.0, 0.12, 0.15, 0.1, 0.0, np.log(0.17), 0.2])  # by ``STYLE``
 _SPREAD = np.array([0.45, 0.22, 0.06, 0.1, 0.1, 0.6, 0.08])

@@ -23,8 +23,8 @@ from steerlab.learning.pretrained.style import (
 )
 from steerlab.learning.pretrained.teachers import STYLE
 from steerlab.learning.tensor_file import read_tensors
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray
 
 FORMAT = "steerlab.sim_pretrained"
 FORMAT_VERSION = 1

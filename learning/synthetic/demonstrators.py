@@ -11,9 +11,9 @@ import numpy as np
 
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.synthetic.drives import DriveConfig, SyntheticDrive
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.populations import PAPER
-from steerlab.sim.rollout import FloatArray
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.sim.vehicle import WHEEL_LIMIT
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

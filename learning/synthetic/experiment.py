@@ -16,9 +16,9 @@ from steerlab.learning.synthetic.demonstrators import label_drives
 from steerlab.learning.synthetic.drives import DriveConfig, SyntheticDrive, sample_drives
 from steerlab.learning.training import TrainingConfig
 from steerlab.learning.windows import WindowConfig
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.populations import sample_population
-from steerlab.sim.rollout import FloatArray
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 
 # The lab preset with w of 2 dimensions as the paper draws it, and what labels without noise allow:

@@ -4,8 +4,8 @@ from math import cos, hypot, sin, tan
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.ground_truth.distance_grid import (
     Body,
     DistanceGrid,
@@ -15,8 +15,6 @@ from steerlab.sim.ground_truth.distance_grid import (
 )
 from steerlab.sim.ground_truth.stanley import Steering, stanley_rad
 from steerlab.sim.world import REACH_M
-
-FloatArray = NDArray[np.float64]
 
 STEP_S = 0.05
 LEAST_SPEED_MPS = 1.0

@@ -4,11 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.world import WorldSpec
 
-FloatArray = NDArray[np.float64]
 EDGE_M = 1e-9  # a path may touch a grown block, but not enter it
 
 

@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from steerlab.sim.arrays import FloatArray
+
 IntArray = NDArray[np.int64]
 
 

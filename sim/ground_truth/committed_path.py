@@ -4,12 +4,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.ground_truth.distance_grid import Body, DistanceGrid, Keep
 from steerlab.sim.ground_truth.dubins import dubins_pose, shortest_dubins
 from steerlab.sim.ground_truth.dubins_tree import PoseTree, edge_free
 from steerlab.sim.ground_truth.path_writer import write_straight
-
-FloatArray = NDArray[np.float64]
 
 SHORTCUT_STEP_M = 2.0  # between the poses a shortcut may join
 SHORTCUT_PASSES = 2

@@ -6,12 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import WorldSpec
-
-FloatArray = NDArray[np.float64]
 
 
 class DistanceGrid(NamedTuple):

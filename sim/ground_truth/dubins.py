@@ -9,9 +9,7 @@ from math import acos, atan2, cos, pi, sin, sqrt
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
 WORDS = ("LSL", "RSR", "LSR", "RSL", "RLR", "LRL")
 _TURNS = np.array(
     ((1, 0, 1), (-1, 0, -1), (1, 0, -1), (-1, 0, 1), (-1, 1, -1), (1, -1, 1)), dtype=np.float64

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.ground_truth.boxes import FreeSpace
 from steerlab.sim.ground_truth.buckets import (
     Buckets,
@@ -30,7 +31,6 @@ from steerlab.sim.ground_truth.dubins import dubins_pose, shortest_dubins
 from steerlab.sim.ground_truth.rrt_star import PointTree, cost_to_go
 from steerlab.sim.world import REACH_M
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 STAND_OFF_M = REACH_M - 0.5  # car's centre to ball's centre at the goal poses: surely in reach

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.ground_truth.bicycle import spare_following
 from steerlab.sim.ground_truth.distance_grid import Keep, clearance_at
 from steerlab.sim.ground_truth.path_writer import write_turn, write_way
@@ -18,7 +19,6 @@ from steerlab.sim.ground_truth.planner_inputs import DRIVE_SLACK_M, RAMP_M, Plan
 from steerlab.sim.ground_truth.route import Route, same_route
 from steerlab.sim.ground_truth.turns import BLOCKED, free_turns, squeeze, turn_then_straight
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MAX_POINTS = 2048

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.ground_truth.bicycle import spare_following
 from steerlab.sim.ground_truth.committed_path import chain_to_ball, curve
 from steerlab.sim.ground_truth.distance_grid import Keep, clearance_at
@@ -13,7 +14,6 @@ from steerlab.sim.ground_truth.planner_inputs import RAMP_M, PlannerInputs, veri
 from steerlab.sim.ground_truth.route import ANY_ROUTE, UNKNOWN_CORNER, Route
 from steerlab.sim.ground_truth.rrt_star import PointTree, points_within
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 NEARBY_M = 15.0  # where nodes are tried when no corner can be turned to

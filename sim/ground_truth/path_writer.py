@@ -2,13 +2,10 @@
 
 from math import atan2, cos, pi, sin, sqrt, tan
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.ground_truth.rrt_star import PointTree
-
-FloatArray = NDArray[np.float64]
 
 MAX_CUT_M = 0.4  # a rounded corner passes this much inside; square corners leave 0.6 m to spare
 LEAST_LEG_M = 1e-6

@@ -1,8 +1,8 @@
 """``Planner``: the ground truth of one world, ready for thousands of questions."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig, NoPath
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.ground_truth.bicycle import ARRIVED, TOUCHED, drive
@@ -28,8 +28,6 @@ from steerlab.sim.ground_truth.rrt_star import PointTree, cost_to_go, grow_point
 from steerlab.sim.ground_truth.stanley import stanley_rad, steering_of
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import WorldSpec
-
-FloatArray = NDArray[np.float64]
 
 TIGHT_RADIUS_SHARE = 1.15  # of the least turning radius: what a label may use at need
 TIGHT_EXTRA_M = 8.0  # detour that is rather driven than a tight turn

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.ground_truth.boxes import FreeSpace, free_corners, point_free, segment_free
 from steerlab.sim.ground_truth.buckets import (
     Buckets,
@@ -20,7 +21,6 @@ from steerlab.sim.ground_truth.buckets import (
     points_within,
 )
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 BUCKET_M = 2.0

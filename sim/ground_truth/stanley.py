@@ -13,12 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.ground_truth.config import PlannerConfig
 from steerlab.sim.vehicle import CarConfig
 
-FloatArray = NDArray[np.float64]
 SEARCH_M = 8.0  # how far along the path the front axle is looked for; less than half a turn
 
 

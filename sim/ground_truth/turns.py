@@ -4,8 +4,8 @@ from math import acos, atan2, cos, pi, sin, sqrt
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.ground_truth.distance_grid import (
     Keep,
     clearance_at,
@@ -15,8 +15,6 @@ from steerlab.sim.ground_truth.distance_grid import (
 from steerlab.sim.ground_truth.dubins import turn_angle
 from steerlab.sim.ground_truth.planner_inputs import RAMP_M, PlannerInputs
 from steerlab.sim.world import REACH_M
-
-FloatArray = NDArray[np.float64]
 
 LEAST_STEP_M = 0.2  # of a collision check
 BLOCKED = np.inf

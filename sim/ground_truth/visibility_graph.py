@@ -6,11 +6,9 @@ Geometry*, 3rd ed., ch. 15), so Dijkstra over mutually visible corners finds it.
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.ground_truth.boxes import FreeSpace, free_corners, point_free, segment_free
-
-FloatArray = NDArray[np.float64]
 
 
 class VisibilityGraph:

@@ -3,28 +3,14 @@
 # pyright: reportMissingTypeStubs=false
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import LabelledStep, step_from_row
-from steerlab.study.store.events import Event, Flag, StepTimes
-from steerlab.study.store.records import Attempt, StoredRollout
-from steerlab.study.store.sessions import SessionRecord
+from steerlab.study.store.records import Attempt, Event, Flag, SessionRecord, StoredRollout
 from steerlab.study.store.store import StudyStore
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class StoredTimes:
-    """When a stored step happened; see ``StepTimes``."""
-
-    deadline_ns: int
-    actual_ns: int
-    sample_ns: int
-    event_age_ns: int | None
-    overrun: bool
-    focus: bool
-    device_ok: bool
+from steerlab.teleop.timing import StepTiming
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +26,7 @@ class AttemptData:
     attempt: Attempt
     session: SessionRecord | None
     steps: Sequence[LabelledStep]
-    times: Sequence[StepTimes | None]
+    times: Sequence[StepTiming | None]
     events: Sequence[Event]
     flags: Sequence[Flag]
 
@@ -60,7 +46,7 @@ def read_attempt(store: StudyStore, attempt: Attempt) -> AttemptData:
         StoreError: the store cannot be read.
     """
     steps = [step_from_row(row) for row in store.steps(attempt).to_pylist()]
-    times = {row["step"]: _times(row) for row in store.timings(attempt).to_pylist()}
+    times = {row["step"]: _timing(row) for row in store.timings(attempt).to_pylist()}
     sessions = store.sessions()
     return AttemptData(
         rollout=store.rollouts()[attempt.rollout],
@@ -73,5 +59,5 @@ def read_attempt(store: StudyStore, attempt: Attempt) -> AttemptData:
     )
 
 
-def _times(row: dict[str, Any]) -> StoredTimes:
-    return StoredTimes(**{name: row[name] for name in StoredTimes.__slots__})
+def _timing(row: dict[str, Any]) -> StepTiming:
+    return StepTiming(**{one.name: row[one.name] for one in fields(StepTiming)})

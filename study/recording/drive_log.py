@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.records import LabelledStep
 from steerlab.sim.vehicle import CarConfig
 from steerlab.study.recording import layout
-from steerlab.study.recording.layout import FloatArray
-from steerlab.study.store.events import Event, StepTimes
+from steerlab.study.store.records import Event
+from steerlab.teleop.timing import StepTiming
 
 WAY_RADIUS_M = 0.12
 
@@ -33,7 +34,7 @@ class DriveLog:
         stream.set_log_time_enabled(False)
         stream.set_log_tick_enabled(False)
 
-    def step(self, step: LabelledStep, times: StepTimes | None) -> None:
+    def step(self, step: LabelledStep, times: StepTiming | None) -> None:
         """One step, as it happens."""
         self._at(step.step, step.t_s)
         wheels = layout.wheels(step)
@@ -53,7 +54,7 @@ class DriveLog:
         self._at(event.step, event.step / self._control_hz)
         self._log(layout.EVENTS, rr.TextLog(event.what, level=rr.TextLogLevel.INFO))
 
-    def steps(self, steps: Sequence[LabelledStep], times: Sequence[StepTimes | None]) -> None:
+    def steps(self, steps: Sequence[LabelledStep], times: Sequence[StepTiming | None]) -> None:
         """Many steps at once; ``times`` has one for each, or None."""
         if not steps:
             return

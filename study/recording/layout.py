@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from math import nan, tan
 
 import numpy as np
-from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.records import LabelledStep
 from steerlab.sim.vehicle import CarConfig
-from steerlab.study.store.events import StepTimes
+from steerlab.teleop.timing import StepTiming
 
-FloatArray = NDArray[np.float64]
 Rgb = tuple[int, int, int]
 
 STEP, TIME = "step", "t"  # timelines: control step, and time since the attempt's start
@@ -63,7 +62,7 @@ def wheels(step: LabelledStep) -> tuple[float, float, float]:
     )
 
 
-def timing_ms(times: StepTimes) -> tuple[float, float]:
+def timing_ms(times: StepTiming) -> tuple[float, float]:
     """Milliseconds in the order of ``TIMING_NAMES``; NaN before the device's first event."""
     age_ns = times.event_age_ns
     return (

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import LabelledStep
-from steerlab.study.store.events import Event, StepTimes
-from steerlab.study.store.records import Attempt, StoredRollout
+from steerlab.study.store.records import Attempt, Event, StoredRollout
+from steerlab.teleop.timing import StepTiming
 
 if TYPE_CHECKING:  # slow to import: done in the writer thread
     import rerun as rr
@@ -77,7 +77,7 @@ class LiveRerun:
                 self._live.connect_grpc(self._viewer.url, default_blueprint=layout)
                 self._logs["live"] = _log_beginning(self._live, rollout, attempt, start)
 
-    def step(self, step: LabelledStep, times: StepTimes | None) -> None:
+    def step(self, step: LabelledStep, times: StepTiming | None) -> None:
         """Log a step."""
         self._steps += 1
         if self._live is not None and self._steps % _STEPS_BETWEEN_LOOKS == 0:

@@ -8,6 +8,7 @@ from urllib.parse import quote
 
 import rerun as rr
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.world import WorldSpec
 from steerlab.study.recording import layout
@@ -16,7 +17,6 @@ from steerlab.study.recording.blueprint import blueprint
 from steerlab.study.recording.drive_log import DriveLog
 from steerlab.study.recording.errors import RecordingUnavailable
 from steerlab.study.recording.executable import rerun_executable
-from steerlab.study.recording.layout import FloatArray
 from steerlab.study.recording.pictures import OpenView, jpegs, shown_steps
 from steerlab.study.recording.scene import log_end, log_world
 from steerlab.study.recording.whole_recording import whole_recording

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import Driver, LabelledStep
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import BALL_RADIUS_M, WorldSpec
 from steerlab.study.recording import layout
 from steerlab.study.recording.attempt_data import AttemptData
-from steerlab.study.recording.layout import FloatArray
 
 _SOLID = rr.components.FillMode.Solid
 _PATH_HEIGHT_M = 0.12
@@ -135,7 +135,7 @@ def about(data: AttemptData) -> str:
         ("attempt", str(attempt.attempt)),
         ("status", f"{attempt.status}{why}"),
         ("steps", f"{len(data.steps)} at {data.rollout.control_hz:g} Hz, {valid} labels valid"),
-        ("flags", "; ".join(f"{f.name} {f.value:.3g} (limit {f.limit:g})" for f in data.flags)),
+        ("flags", "; ".join(f"{f.name} {f.value:.3g} (limit {f.bound:g})" for f in data.flags)),
     ]
     if session is not None:
         latency = session.input_latency_ms

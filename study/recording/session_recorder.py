@@ -14,9 +14,8 @@ from steerlab.sim.files.folder_lock import RUN_LOCK, FolderLock, LockedOut, lock
 from steerlab.sim.files.provenance import versions
 from steerlab.study.recording.live_rerun import LiveRerun, OpenViewer
 from steerlab.study.recording.writer import AttemptWriter, RecordingError, WriterThread
-from steerlab.study.store.records import Attempt, StoredRollout
-from steerlab.study.store.schema import StoreError
-from steerlab.study.store.sessions import SessionRecord
+from steerlab.study.store.errors import StoreError
+from steerlab.study.store.records import Attempt, SessionRecord, StoredRollout
 from steerlab.study.store.store import StudyStore
 from steerlab.teleop.devices.contract import DeviceInfo
 from steerlab.teleop.drives.contract import Drive

@@ -3,13 +3,13 @@
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import Driver, LabelledStep
 from steerlab.sim.world import Block, WorldSpec
-from steerlab.study.recording.attempt_data import AttemptData, StoredTimes
+from steerlab.study.recording.attempt_data import AttemptData
 from steerlab.study.recording.blueprint import blueprint
 from steerlab.study.recording.drive_log import DriveLog
 from steerlab.study.recording.rebuild import new_stream
 from steerlab.study.recording.scene import log_end, log_world
-from steerlab.study.store.events import Event
-from steerlab.study.store.records import Attempt, AttemptStatus, StoredRollout
+from steerlab.study.store.records import Attempt, AttemptStatus, Event, StoredRollout
+from steerlab.teleop.timing import StepTiming
 
 
 def warm_up() -> None:
@@ -27,7 +27,7 @@ def warm_up() -> None:
         order_index=0,
     )
     steps = [_step(0), _step(1)]
-    times = StoredTimes(
+    times = StepTiming(
         deadline_ns=0,
         actual_ns=1,
         sample_ns=2,

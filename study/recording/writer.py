@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.records import LabelledStep
 from steerlab.study.recording.live_rerun import LiveRerun
-from steerlab.study.store.events import Event, Flag
-from steerlab.study.store.records import Attempt
+from steerlab.study.store.records import Attempt, Event, Flag
 from steerlab.study.store.store import StudyStore
 from steerlab.teleop.timing import StepTiming
 from steerlab.teleop.timing_limits import TimingViolation
@@ -137,7 +136,7 @@ class AttemptWriter:
         Raises:
             RecordingError: something could not be kept; the attempt is then not finished.
         """
-        flags = [Flag(name=gate.name, value=gate.value, limit=gate.limit) for gate in failed]
+        flags = [Flag(name=gate.name, value=gate.value, bound=gate.limit) for gate in failed]
         self._end(lambda: self._store.finish_attempt(self.stored, flags))
         self.check()
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 
 from steerlab.study.store.connection import StoreConnection
-from steerlab.study.store.people import NOW
+from steerlab.study.store.rows import Table
 
 Value = str | int | float
 ANSWERED = "answer kept"
@@ -21,13 +21,13 @@ class Response:
     """One answer as it was given; ``value`` None takes back the one before.
 
     Attributes:
-        round: how often the phase had been reopened by then; only the last round counts.
+        phase_run: how often the phase had been reopened by then; only the last run counts.
     """
 
     id: int
     participant: str
     phase: str
-    round: int
+    phase_run: int
     questionnaire: str
     item: str
     value: Value | None
@@ -37,9 +37,12 @@ class Response:
     @property
     def seal(self) -> str:
         """What the audit says of it."""
-        fields = [self.participant, self.phase, self.round, self.questionnaire, self.item]
+        fields = [self.participant, self.phase, self.phase_run, self.questionnaire, self.item]
         text = json.dumps([*fields, self.value, self.nonce], ensure_ascii=False)
         return f"response {self.id} {sha256(text.encode()).hexdigest()}"
+
+
+RESPONSES = Table("responses", Response)
 
 
 def insert_response(
@@ -47,26 +50,25 @@ def insert_response(
     *,
     participant: str,
     phase: str,
-    round_: int,
+    phase_run: int,
     questionnaire: str,
     item: str,
     value: Value | None,
 ) -> None:
     """Keep one answer; inside a transaction."""
-    nonce = secrets.token_hex(16)
-    kept = None if value is None else json.dumps(value, ensure_ascii=False)
-    cursor = connection.run(
-        "INSERT INTO responses (participant, phase, round, questionnaire, item, value, at_utc, "
-        f"nonce) VALUES (?, ?, ?, ?, ?, ?, {NOW}, ?)",
-        *(participant, phase, round_, questionnaire, item, kept, nonce),
+    response = Response(
+        id=connection.next_id("responses"),
+        participant=participant,
+        phase=phase,
+        phase_run=phase_run,
+        questionnaire=questionnaire,
+        item=item,
+        value=value,
+        at_utc=connection.now(),
+        nonce=secrets.token_hex(16),
     )
-    (row,) = connection.run(
-        f"SELECT {_COLUMNS} FROM responses WHERE id = ?", cursor.lastrowid
-    ).fetchall()
-    connection.log(ANSWERED, _response(row).seal)
-
-
-_COLUMNS = "id, participant, phase, round, questionnaire, item, value, at_utc, nonce"
+    RESPONSES.insert(connection, response)
+    connection.log(ANSWERED, response.seal)
 
 
 def read_responses(
@@ -76,16 +78,12 @@ def read_responses(
     named = {"participant": participant, "phase": phase}
     given = {column: name for column, name in named.items() if name is not None}
     where = " AND ".join(f"{column} = ?" for column in given) or "1"
-    query = f"SELECT {_COLUMNS} FROM responses WHERE {where} ORDER BY id"
-    rows = connection.read(query, *given.values())
-    return [_response(row) for row in rows]
+    return RESPONSES.select(connection, f"WHERE {where} ORDER BY id", *given.values())
 
 
 def insert_note(connection: StoreConnection, participant: str | None, text: str) -> None:
     """Keep a remark; the audit says only that there is one, since it goes with the person."""
-    connection.run(
-        f"INSERT INTO notes (participant, at_utc, text) VALUES (?, {NOW}, ?)", participant, text
-    )
+    connection.insert("notes", participant=participant, at_utc=connection.now(), text=text)
     connection.log("note kept", participant or "about the study")
 
 
@@ -93,19 +91,4 @@ def read_notes(connection: StoreConnection, participant: str | None) -> list[tup
     """(time in UTC, text) of each remark about a participant; None: about the study."""
     return connection.read(
         "SELECT at_utc, text FROM notes WHERE participant IS ? ORDER BY id", participant
-    )
-
-
-def _response(row: tuple[int, str, str, int, str, str, str | None, str, str]) -> Response:
-    id_, participant, phase, round_, questionnaire, item, value, at_utc, nonce = row
-    return Response(
-        id=id_,
-        participant=participant,
-        phase=phase,
-        round=round_,
-        questionnaire=questionnaire,
-        item=item,
-        value=None if value is None else json.loads(value),
-        at_utc=at_utc,
-        nonce=nonce,
     )

@@ -8,18 +8,25 @@ import sqlite3
 from dataclasses import dataclass
 from hashlib import sha256
 
-_NOW = "strftime('%Y-%m-%dT%H:%M:%fZ', 'now')"
+from steerlab.study.store.rows import Table
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class SealedEntry:
-    """An entry of the audit; ``sha256`` is None in a file of an older schema that is only read."""
+class AuditEntry:
+    """One act, as it was logged; ``at_utc`` is ISO 8601.
+
+    Attributes:
+        sha256: its seal; None only in an entry that another program put in.
+    """
 
     id: int
     at_utc: str
     act: str
     detail: str
     sha256: str | None
+
+
+AUDIT = Table("audit", AuditEntry)
 
 
 def entry_sha256(before: str, id_: int, at_utc: str, act: str, detail: str) -> str:
@@ -35,37 +42,27 @@ def entry_sha256(before: str, id_: int, at_utc: str, act: str, detail: str) -> s
     return digest.hexdigest()
 
 
+def now(connection: sqlite3.Connection) -> str:
+    """The time in UTC as the store keeps it: ISO 8601 to the millisecond."""
+    return connection.execute("SELECT strftime('%Y-%m-%dT%H:%M:%fZ', 'now')").fetchone()[0]
+
+
 def append_audit(connection: sqlite3.Connection, act: str, detail: str) -> None:
     """Add an entry, inside a transaction that holds the write lock."""
     last = connection.execute("SELECT id, sha256 FROM audit ORDER BY id DESC LIMIT 1").fetchone()
-    id_, before = (1, "") if last is None else (last[0] + 1, last[1])
-    at_utc = connection.execute(f"SELECT {_NOW}").fetchone()[0]
-    seal = entry_sha256(before or "", id_, at_utc, act, detail)
+    id_, before = (1, "") if last is None else (last[0] + 1, last[1] or "")
+    at_utc = now(connection)
+    seal = entry_sha256(before, id_, at_utc, act, detail)
     insert = "INSERT INTO audit (id, at_utc, act, detail, sha256) VALUES (?, ?, ?, ?, ?)"
     connection.execute(insert, (id_, at_utc, act, detail, seal))
 
 
-def seal_audit(connection: sqlite3.Connection) -> None:
-    """Seal the entries of an older schema, in order; inside the transaction that upgrades it."""
-    before = ""
-    rows = connection.execute("SELECT id, at_utc, act, detail, sha256 FROM audit ORDER BY id")
-    for id_, at_utc, act, detail, seal in rows.fetchall():
-        if seal is None:
-            seal = entry_sha256(before, id_, at_utc, act, detail)
-            connection.execute("UPDATE audit SET sha256 = ? WHERE id = ?", (seal, id_))
-        before = seal
-
-
-def read_sealed(connection: sqlite3.Connection) -> list[SealedEntry]:
+def read_audit(connection: sqlite3.Connection) -> list[AuditEntry]:
     """All entries, oldest first."""
-    rows = connection.execute("SELECT id, at_utc, act, detail, sha256 FROM audit ORDER BY id")
-    return [
-        SealedEntry(id=id_, at_utc=at_utc, act=act, detail=detail, sha256=seal)
-        for id_, at_utc, act, detail, seal in rows
-    ]
+    return [AUDIT.from_row(row) for row in connection.execute(AUDIT.query("ORDER BY id"))]
 
 
-def broken_at(entries: list[SealedEntry]) -> SealedEntry | None:
+def broken_at(entries: list[AuditEntry]) -> AuditEntry | None:
     """The first entry that does not continue the chain; None if it is whole."""
     before = ""
     for entry in entries:

@@ -1,13 +1,37 @@
-"""A connection to the study database: transactions, the audit, and errors that say the mend."""
+"""The study database's file: made, opened, recognised, and read and written in transactions."""
 
 import sqlite3
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn, Self
 
-from steerlab.study.store.audit import append_audit
-from steerlab.study.store.schema import fail
+from steerlab.study.store.audit import append_audit, now
+from steerlab.study.store.errors import StoreError
+from steerlab.study.store.schema import APPLICATION_ID, SCHEMA, STORE_VERSION
+
+BUSY_TIMEOUT_S = 5.0
+
+_MENDS = {
+    sqlite3.SQLITE_BUSY: "another program holds it; close that program and try again",
+    sqlite3.SQLITE_LOCKED: "another program holds it; close that program and try again",
+    sqlite3.SQLITE_READONLY: "make the file and its folder writable, or open it with read_only",
+    sqlite3.SQLITE_PERM: "make the file and its folder readable and writable",
+    sqlite3.SQLITE_IOERR: "check the disk and its cable",
+    sqlite3.SQLITE_CORRUPT: "restore the study folder from its last copy",
+    sqlite3.SQLITE_FULL: "free some room on this disk; what was stored before is safe",
+    sqlite3.SQLITE_CANTOPEN: "check that the folder exists and is readable and writable",
+    sqlite3.SQLITE_NOTADB: "it is not a SQLite file at all; give the study.db of a study folder",
+}
+
+
+def fail(path: Path, act: str, error: sqlite3.Error) -> NoReturn:
+    """Raise the ``StoreError`` that says what was tried, why it failed and how to mend it."""
+    code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # the low byte is the primary code
+    mend = _MENDS.get(code)
+    raise StoreError(f"Cannot {act} in {path}: {error}{f'; {mend}' if mend else ''}.") from error
 
 
 class StoreConnection:
@@ -17,6 +41,46 @@ class StoreConnection:
         self.path = path
         self.sqlite = connection
 
+    @classmethod
+    def create(cls, path: Path) -> Self:
+        """Make a new study database, durable when this returns.
+
+        Raises:
+            StoreError: the file exists already or cannot be made.
+        """
+        try:
+            path.touch(exist_ok=False)
+        except FileExistsError:
+            raise StoreError(f"{path} exists already; open it, or choose another folder.") from None
+        except OSError as error:
+            raise StoreError(
+                f"Cannot make {path}: {error.strerror}. Check that its folder exists and is "
+                f"writable."
+            ) from error
+        try:
+            with _closed_on_error(path, "make a study", read_only=False) as connection:
+                _fill(connection, path)
+        except BaseException:
+            path.unlink()
+            raise
+        return cls(connection, path)
+
+    @classmethod
+    def open(cls, path: Path, *, read_only: bool) -> Self:
+        """Open an existing study database.
+
+        Raises:
+            StoreError: the file is missing, foreign, damaged, locked or of another version.
+        """
+        if not path.is_file():
+            raise StoreError(f"There is no study database at {path}; check the path or create one.")
+        with _closed_on_error(path, "open the study", read_only=read_only) as connection:
+            _recognise(connection, path)
+            if not read_only:  # take the lock once: a read-only file is told now, not in a drive
+                connection.execute("BEGIN IMMEDIATE")
+                connection.execute("COMMIT")
+        return cls(connection, path)
+
     def close(self) -> None:
         """Close the file; calling it again does nothing."""
         self.sqlite.close()
@@ -24,6 +88,11 @@ class StoreConnection:
     def run(self, statement: str, *values: Any) -> sqlite3.Cursor:
         """One statement; inside ``transaction``, which turns SQLite's errors into ours."""
         return self.sqlite.execute(statement, values)
+
+    def insert(self, table: str, **values: Any) -> None:
+        """Add a row, by column; inside ``transaction``."""
+        places = ", ".join("?" * len(values))
+        self.run(f"INSERT INTO {table} ({', '.join(values)}) VALUES ({places})", *values.values())
 
     def read(self, query: str, *values: Any) -> list[Any]:
         """All rows.
@@ -35,6 +104,14 @@ class StoreConnection:
             return self.sqlite.execute(query, values).fetchall()
         except sqlite3.Error as error:
             fail(self.path, "read", error)
+
+    def now(self) -> str:
+        """The time in UTC as the store keeps it: ISO 8601 to the millisecond."""
+        return now(self.sqlite)
+
+    def next_id(self, table: str) -> int:
+        """Of the row that is inserted next; inside ``transaction``."""
+        return self.run(f"SELECT coalesce(max(id), 0) + 1 FROM {table}").fetchone()[0]
 
     def log(self, act: str, detail: str) -> None:
         """Add to the audit; inside ``transaction``."""
@@ -63,3 +140,91 @@ class StoreConnection:
             if durable:
                 with suppress(sqlite3.Error):  # left at FULL, the store is slower, never less safe
                     self.run("PRAGMA synchronous = NORMAL")
+
+
+def connect(path: Path, *, read_only: bool) -> sqlite3.Connection:
+    """A connection in autocommit, with foreign keys on and one fsync per checkpoint."""
+    mode = "ro" if read_only else "rw"
+    uri = f"{path.resolve().as_uri()}?mode={mode}"
+    connection = sqlite3.connect(uri, uri=True, isolation_level=None, timeout=BUSY_TIMEOUT_S)
+    try:
+        connection.execute("PRAGMA foreign_keys = ON")
+        connection.execute("PRAGMA synchronous = NORMAL")
+    except BaseException:  # no database, or a locked one
+        connection.close()
+        raise
+    return connection
+
+
+@contextmanager
+def _closed_on_error(path: Path, act: str, *, read_only: bool) -> Generator[sqlite3.Connection]:
+    connection = None
+    try:
+        connection = connect(path, read_only=read_only)
+        yield connection
+    except BaseException as error:
+        if connection is not None:
+            connection.close()
+        if isinstance(error, sqlite3.Error):
+            fail(path, act, error)
+        raise
+
+
+def _fill(connection: sqlite3.Connection, path: Path) -> None:
+    if connection.execute("PRAGMA journal_mode = WAL").fetchone()[0] != "wal":
+        raise StoreError(
+            f"{path.parent} cannot hold a study: its file system has no shared memory (a "
+            f"network folder?). Choose a folder on a local disk."
+        )
+    connection.execute("PRAGMA synchronous = FULL")
+    connection.executescript(f"BEGIN IMMEDIATE;\n{SCHEMA}")
+    meta = [("schema_version", str(STORE_VERSION)), ("created_by", _this_steerlab())]
+    connection.executemany("INSERT INTO meta (key, value) VALUES (?, ?)", meta)
+    connection.execute("COMMIT")
+    connection.execute("PRAGMA synchronous = NORMAL")
+
+
+def _recognise(connection: sqlite3.Connection, path: Path) -> None:
+    """Refuse what this steerlab did not make and cannot read."""
+    if connection.execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
+        raise StoreError(
+            f"{path} is a SQLite file, but not one that steerlab made; give the study.db of a "
+            f"study folder."
+        )
+    meta = dict(connection.execute("SELECT key, value FROM meta"))
+    found = f"schema version {meta.get('schema_version', 'none')}"
+    if found == f"schema version {STORE_VERSION}":
+        # Schemas that were never released share the number: what tells them is what they lack.
+        missing = sorted(_expected() - _columns(connection))
+        if not missing:
+            return
+        found += f" without {missing[0]}"
+    raise StoreError(
+        f"{path} was made by another version of steerlab ({meta.get('created_by', 'unknown')}, "
+        f"{found}), and this one ({_this_steerlab()}, schema version {STORE_VERSION}) cannot read "
+        f"it: open it with the steerlab that made it, since formats that were never released are "
+        f"not converted."
+    )
+
+
+def _this_steerlab() -> str:
+    return f"steerlab {version('steerlab')}"
+
+
+@cache
+def _expected() -> set[str]:
+    connection = sqlite3.connect(":memory:")
+    try:
+        connection.executescript(SCHEMA)
+        return _columns(connection)
+    finally:
+        connection.close()
+
+
+def _columns(connection: sqlite3.Connection) -> set[str]:
+    """All columns there are, as ``table.column``."""
+    query = (
+        "SELECT made.name || '.' || its.name FROM sqlite_master AS made, "
+        "pragma_table_info(made.name) AS its WHERE made.type = 'table'"
+    )
+    return {name for (name,) in connection.execute(query)}

@@ -2,11 +2,10 @@
 
 import sqlite3
 
-from steerlab.study.store.connection import StoreConnection
+from steerlab.study.store.connection import StoreConnection, fail
+from steerlab.study.store.errors import StoreError
 from steerlab.study.store.people import Departure, write_departure
-from steerlab.study.store.schema import StoreError, fail
-from steerlab.study.store.study_tables import ERASED_IN_ORDER
-from steerlab.study.store.teaching_tables import ERASED_FIRST
+from steerlab.study.store.schema import ERASED_IN_ORDER
 
 
 def erase_rows(connection: StoreConnection, participant: str) -> None:
@@ -21,7 +20,7 @@ def erase_rows(connection: StoreConnection, participant: str) -> None:
     connection.run("PRAGMA secure_delete = ON")
     with connection.transaction(f"erase {participant!r}", durable=True):
         connection.run("INSERT INTO erasing VALUES (?)", participant)
-        for table in (*ERASED_FIRST, *ERASED_IN_ORDER):
+        for table in ERASED_IN_ORDER:
             connection.run(f"DELETE FROM {table} WHERE participant = ?", participant)
         newest = "SELECT max(id) FROM links WHERE participant = ?"
         connection.run(

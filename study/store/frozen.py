@@ -1,14 +1,11 @@
 """What a study freezes: versions of its protocol, the network, and each test participant's w."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.study.store.connection import StoreConnection
-from steerlab.study.store.people import NOW
+from steerlab.study.store.rows import Table
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -71,6 +68,12 @@ class StoredEmbedding:
     inputs: str
 
 
+PROTOCOLS = Table("protocols", FrozenProtocol)
+INSTRUMENTS = Table("instruments", Instrument)
+MODELS = Table("models", FrozenModel)
+EMBEDDINGS = Table("embeddings", StoredEmbedding)
+
+
 def insert_protocol(
     connection: StoreConnection,
     *,
@@ -85,97 +88,61 @@ def insert_protocol(
         its number, from 1.
     """
     (last,) = connection.run("SELECT coalesce(max(version), 0) FROM protocols").fetchone()
-    version = last + 1
-    connection.run(f"INSERT INTO protocols VALUES (?, {NOW}, ?, ?, ?)", version, sha256, text, why)
+    version, at_utc = last + 1, connection.now()
+    frozen = FrozenProtocol(version=version, frozen_utc=at_utc, sha256=sha256, text=text, why=why)
+    PROTOCOLS.insert(connection, frozen)
     for one in instruments:
-        values = (version, one.key, one.version, one.sha256)
-        connection.run("INSERT INTO instruments VALUES (?, ?, ?, ?)", *values)
+        INSTRUMENTS.insert(connection, one, protocol_version=version)
     connection.log("protocol frozen", f"version {version}, sha256 {sha256}: {why}")
     return version
 
 
 def read_protocols(connection: StoreConnection) -> list[FrozenProtocol]:
     """All versions, oldest first."""
-    rows = connection.read(
-        "SELECT version, frozen_utc, sha256, text, why FROM protocols ORDER BY version"
-    )
-    return [
-        FrozenProtocol(version=version, frozen_utc=at_utc, sha256=sha256, text=text, why=why)
-        for version, at_utc, sha256, text, why in rows
-    ]
+    return PROTOCOLS.select(connection, "ORDER BY version")
 
 
 def read_instruments(connection: StoreConnection, version: int) -> Mapping[str, Instrument]:
     """The questionnaires of a version of the protocol, by key."""
-    rows = connection.read(
-        "SELECT key, version, sha256 FROM instruments WHERE protocol_version = ?", version
-    )
-    return {key: Instrument(key=key, version=number, sha256=hash_) for key, number, hash_ in rows}
+    found = INSTRUMENTS.select(connection, "WHERE protocol_version = ?", version)
+    return {one.key: one for one in found}
 
 
 def insert_model(
     connection: StoreConnection, *, file: str, sha256: str, people: Sequence[str], inputs: str
 ) -> None:
     """Freeze a network."""
-    connection.run(
-        f"INSERT INTO models (at_utc, file, sha256, people, inputs) VALUES ({NOW}, ?, ?, ?, ?)",
-        *(file, sha256, json.dumps(list(people)), inputs),
+    model = FrozenModel(
+        id=connection.next_id("models"),
+        at_utc=connection.now(),
+        file=file,
+        sha256=sha256,
+        people=tuple(people),
+        inputs=inputs,
+        removed_utc=None,
     )
+    MODELS.insert(connection, model)
     connection.log("network frozen", f"{file}, sha256 {sha256}, of {', '.join(people)}")
 
 
 def mark_model_removed(connection: StoreConnection, model: FrozenModel, why: str) -> None:
     """Keep that a network is no longer in use."""
-    connection.run(f"UPDATE models SET removed_utc = {NOW} WHERE id = ?", model.id)
+    update = "UPDATE models SET removed_utc = ? WHERE id = ?"
+    connection.run(update, connection.now(), model.id)
     connection.log("network removed", f"{model.file}: {why}")
 
 
 def read_models(connection: StoreConnection) -> list[FrozenModel]:
     """All, oldest first."""
-    rows = connection.read(
-        "SELECT id, at_utc, file, sha256, people, inputs, removed_utc FROM models ORDER BY id"
-    )
-    return [
-        FrozenModel(
-            id=id_,
-            at_utc=at_utc,
-            file=file,
-            sha256=sha256,
-            people=tuple(json.loads(people)),
-            inputs=inputs,
-            removed_utc=removed_utc,
-        )
-        for id_, at_utc, file, sha256, people, inputs, removed_utc in rows
-    ]
+    return MODELS.select(connection, "ORDER BY id")
 
 
 def insert_embedding(connection: StoreConnection, found: StoredEmbedding) -> None:
     """Keep a participant's w; a later one takes its place and both stay."""
-    connection.run(
-        "INSERT INTO embeddings (participant, at_utc, model_sha256, w, covariance, distance, "
-        f"outside, inputs) VALUES (?, {NOW}, ?, ?, ?, ?, ?, ?)",
-        *(found.participant, found.model_sha256),
-        *(json.dumps(found.w.tolist()), json.dumps(found.covariance.tolist())),
-        *(found.distance, int(found.outside), found.inputs),
-    )
+    EMBEDDINGS.insert(connection, found, at_utc=connection.now())
     connection.log("w kept", f"{found.participant} with network {found.model_sha256}")
 
 
 def read_embeddings(connection: StoreConnection) -> dict[str, StoredEmbedding]:
     """The newest w of everyone who has one."""
-    rows = connection.read(
-        "SELECT participant, model_sha256, w, covariance, distance, outside, inputs "
-        "FROM embeddings ORDER BY id"
-    )
-    return {
-        participant: StoredEmbedding(
-            participant=participant,
-            model_sha256=model,
-            w=np.array(json.loads(w), dtype=np.float64),
-            covariance=np.array(json.loads(covariance), dtype=np.float64),
-            distance=distance,
-            outside=bool(outside),
-            inputs=inputs,
-        )
-        for participant, model, w, covariance, distance, outside, inputs in rows
-    }
+    return {one.participant: one for one in EMBEDDINGS.select(connection, "ORDER BY id")}

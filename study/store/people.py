@@ -4,15 +4,13 @@ Functions that write are called inside ``StoreConnection.transaction``, so that 
 kept together or not at all; each logs its own act.
 """
 
-import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from steerlab.sim.records import check_name
 from steerlab.study.store.connection import StoreConnection
-from steerlab.study.store.schema import StoreError
-
-NOW = "strftime('%Y-%m-%dT%H:%M:%fZ', 'now')"
+from steerlab.study.store.errors import StoreError
+from steerlab.study.store.rows import Table
 
 
 class PhaseAct(StrEnum):
@@ -37,16 +35,17 @@ class Enrolment:
     """A participant's place in the study.
 
     Attributes:
+        at_utc: when; given by ``insert_enrolment``.
         allocation: what the order was drawn from; participants of equal allocation share blocks.
-        order: condition keys.
+        condition_order: condition keys.
     """
 
     participant: str
     role: str
-    at_utc: str
+    at_utc: str = ""
     protocol_version: int
     allocation: str
-    order: tuple[str, ...]
+    condition_order: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -66,45 +65,30 @@ class PhaseEvent:
     first_attempt: int
 
 
+ENROLMENTS = Table("enrolments", Enrolment, joined=("role",))
+PHASE_EVENTS = Table("phase_events", PhaseEvent)
+
+
 def insert_enrolment(connection: StoreConnection, enrolment: Enrolment) -> None:
     """Enrol a new participant.
 
     Raises:
         StoreError: the pseudonym is taken.
     """
-    name = check_name("pseudonym", enrolment.participant)
+    name, role = check_name("pseudonym", enrolment.participant), enrolment.role
     if connection.read("SELECT 1 FROM participants WHERE pseudonym = ?", name):
         raise StoreError(f"{name!r} is taken already; enrol under another pseudonym.")
-    connection.run("INSERT INTO participants VALUES (?, ?)", name, enrolment.role)
-    connection.run(
-        f"INSERT INTO enrolments VALUES (?, {NOW}, ?, ?, ?)",
-        *(name, enrolment.protocol_version, enrolment.allocation, json.dumps(enrolment.order)),
-    )
-    order = f", order {' > '.join(enrolment.order)}" if enrolment.order else ""
-    connection.log(
-        "enrolled",
-        f"{name} as {enrolment.role}, protocol version {enrolment.protocol_version}{order}",
-    )
+    connection.insert("participants", pseudonym=name, role=role)
+    ENROLMENTS.insert(connection, replace(enrolment, at_utc=connection.now()))
+    order = " > ".join(enrolment.condition_order)
+    said = f"{name} as {role}, protocol version {enrolment.protocol_version}"
+    connection.log("enrolled", said + (f", order {order}" if order else ""))
 
 
 def read_enrolments(connection: StoreConnection) -> list[Enrolment]:
     """All, in the order in which they were enrolled."""
-    rows = connection.read(
-        "SELECT e.participant, p.role, e.at_utc, e.protocol_version, e.allocation, e.orders "
-        "FROM enrolments AS e JOIN participants AS p ON p.pseudonym = e.participant "
-        "ORDER BY e.rowid"
-    )
-    return [
-        Enrolment(
-            participant=participant,
-            role=role,
-            at_utc=at_utc,
-            protocol_version=version,
-            allocation=allocation,
-            order=tuple(json.loads(order)),
-        )
-        for participant, role, at_utc, version, allocation, order in rows
-    ]
+    join = "JOIN participants ON pseudonym = participant ORDER BY enrolments.rowid"
+    return ENROLMENTS.select(connection, join)
 
 
 def insert_phase_event(
@@ -113,11 +97,15 @@ def insert_phase_event(
     """Keep what happened to a phase."""
     count = "SELECT count(*) FROM attempts WHERE participant = ?"
     (attempts,) = connection.run(count, participant).fetchone()
-    connection.run(
-        "INSERT INTO phase_events (participant, phase, at_utc, what, detail, first_attempt) "
-        f"VALUES (?, ?, {NOW}, ?, ?, ?)",
-        *(participant, phase, act.value, detail, attempts),
+    event = PhaseEvent(
+        participant=participant,
+        phase=phase,
+        at_utc=connection.now(),
+        act=act,
+        detail=detail,
+        first_attempt=attempts,
     )
+    PHASE_EVENTS.insert(connection, event)
     connection.log(f"phase {act}", f"{participant} {phase}")  # details go when the person goes
 
 
@@ -125,34 +113,17 @@ def read_phase_events(
     connection: StoreConnection, participant: str | None = None
 ) -> list[PhaseEvent]:
     """A participant's, or everybody's, in order."""
-    where, values = ("", ()) if participant is None else ("WHERE participant = ?", (participant,))
-    rows = connection.read(
-        "SELECT participant, phase, at_utc, what, detail, first_attempt FROM phase_events "
-        f"{where} ORDER BY id",
-        *values,
-    )
-    return [
-        PhaseEvent(
-            participant=who,
-            phase=phase,
-            at_utc=at_utc,
-            act=PhaseAct(what),
-            detail=detail,
-            first_attempt=first,
-        )
-        for who, phase, at_utc, what, detail, first in rows
-    ]
+    if participant is None:
+        return PHASE_EVENTS.select(connection, "ORDER BY id")
+    return PHASE_EVENTS.select(connection, "WHERE participant = ? ORDER BY id", participant)
 
 
 def insert_consent(
     connection: StoreConnection, participant: str, *, given: bool, version: int, sha256: str
 ) -> None:
     """Keep a decision about the text of this version and hash."""
-    connection.run(
-        "INSERT INTO consents (participant, at_utc, given, version, sha256) "
-        f"VALUES (?, {NOW}, ?, ?, ?)",
-        *(participant, int(given), version, sha256),
-    )
+    values = {"given": int(given), "version": version, "sha256": sha256}
+    connection.insert("consents", participant=participant, at_utc=connection.now(), **values)
     act = "consent given" if given else "consent refused"
     connection.log(act, f"{participant} to version {version}, sha256 {sha256}")
 
@@ -173,10 +144,8 @@ def read_consented_sha256(connection: StoreConnection, participant: str) -> str 
 
 def insert_link(connection: StoreConnection, participant: str, token_sha256: str) -> None:
     """Keep the hash of a fresh link; older ones of the participant no longer count."""
-    connection.run(
-        f"INSERT INTO links (participant, at_utc, token_sha256) VALUES (?, {NOW}, ?)",
-        *(participant, token_sha256),
-    )
+    at_utc = connection.now()
+    connection.insert("links", participant=participant, at_utc=at_utc, token_sha256=token_sha256)
     connection.log("link made", participant)
 
 
@@ -192,11 +161,10 @@ def read_link_owner(connection: StoreConnection, token_sha256: str) -> str | Non
 
 def write_departure(connection: StoreConnection, participant: str, how: Departure) -> None:
     """Keep that, and how, a participant left."""
-    connection.run(
-        f"INSERT INTO departures VALUES (?, {NOW}, ?) "
-        "ON CONFLICT (participant) DO UPDATE SET how = excluded.how",
-        *(participant, how.value),
-    )
+    update = "UPDATE departures SET how = ? WHERE participant = ?"
+    if connection.run(update, how.value, participant).rowcount == 0:
+        at_utc = connection.now()
+        connection.insert("departures", participant=participant, at_utc=at_utc, how=how.value)
     connection.log("withdrawn", f"{participant}: {how}")
 
 

@@ -1,14 +1,38 @@
-"""What the study store keeps besides steps: rollouts, attempts and the audit, as typed records."""
+"""What the store keeps of drives besides their steps, as typed records."""
+# pyarrow ships no types:
+# pyright: reportMissingTypeStubs=false
 
-import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from math import isfinite
-from typing import Any, Self
+from typing import Self
+
+import pyarrow as pa
 
 from steerlab.sim.records import InvalidRecord, check_name
 from steerlab.sim.rollout import Rollout
 from steerlab.sim.world import WorldSpec
+from steerlab.study.store.rows import Table
+from steerlab.teleop.timing import StepTiming
+
+TIMING_SCHEMA = pa.schema(
+    [
+        pa.field("participant", pa.string(), nullable=False),
+        pa.field("rollout", pa.string(), nullable=False),
+        pa.field("attempt", pa.int32(), nullable=False),
+        pa.field("step", pa.int32(), nullable=False),
+        pa.field("deadline_ns", pa.int64(), nullable=False),
+        pa.field("actual_ns", pa.int64(), nullable=False),
+        pa.field("sample_ns", pa.int64(), nullable=False),
+        pa.field("event_age_ns", pa.int64()),
+        pa.field("overrun", pa.bool_(), nullable=False),
+        pa.field("focus", pa.bool_(), nullable=False),
+        pa.field("device_ok", pa.bool_(), nullable=False),
+    ],
+    metadata={"steerlab.schema": "StepTiming", "steerlab.schema_version": "1"},
+)
+"""When steps happened, a row a step; steps of scripted teachers have none."""
 
 
 class AttemptStatus(StrEnum):
@@ -45,31 +69,13 @@ class Attempt:
     def __str__(self) -> str:
         return f"attempt {self.attempt} of {self.participant!r} at {self.rollout!r}"
 
-    def to_row(self) -> tuple[str, str, int, str, int, str | None, str | None]:
-        """Values of the table ``attempts``."""
-        status, order_index = self.status.value, self.order_index
-        return *self.key, status, order_index, self.session, self.end_reason
-
-    @classmethod
-    def from_row(cls, row: tuple[Any, ...]) -> Self:
-        """The inverse of ``to_row``."""
-        participant, rollout, attempt, status, order_index, session, end_reason = row
-        return cls(
-            participant=participant,
-            rollout=rollout,
-            attempt=attempt,
-            status=AttemptStatus(status),
-            order_index=order_index,
-            session=session,
-            end_reason=end_reason,
-        )
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StoredRollout:
     """What the store keeps of a rollout besides its labelled steps.
 
     Attributes:
+        world: kept as JSON, exact to the last bit.
         seed, steps: None for a drive that comes into being live: each attempt at it is a drive of
             its own, as long as it lasts.
 
@@ -103,23 +109,96 @@ class StoredRollout:
             steps=rollout.steps,
         )
 
-    def to_row(self) -> tuple[str, str, float, int | None, int | None]:
-        """Values of the table ``rollouts``; the world as JSON, exact to the last bit."""
-        world = json.dumps(self.world.to_dict(), sort_keys=True, allow_nan=False)
-        return self.name, world, self.control_hz, self.seed, self.steps
 
-    @classmethod
-    def from_row(cls, row: tuple[Any, ...]) -> Self:
-        """The inverse of ``to_row``."""
-        name, world, control_hz, seed, steps = row
-        spec = WorldSpec.from_dict(json.loads(world))
-        return cls(name=name, world=spec, control_hz=control_hz, seed=seed, steps=steps)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SessionRecord:
+    """One sitting of one participant; attempts name the session that they were made in.
+
+    Attributes:
+        started_utc: ISO 8601.
+        input_kind: what steered: wheel, keyboard, ...; never pooled silently.
+        device_guid, profile_sha256: empty where there is none.
+        force_feedback: ``off: why``, or what was on.
+        device_details: whatever else tells devices apart.
+        screen_px: width and height; None without a screen, as for scripted teachers.
+        display_hz: None without a screen.
+        input_latency_ms: from the hand to the sample, as measured; None where it was not.
+        settings: of the protocol that labels may depend on, such as whether the robot's wheel was
+            shown.
+        environment: versions and processor; nothing that names a machine or a person.
+
+    Raises:
+        InvalidRecord: a text is unusable, or a number is out of range.
+    """
+
+    id: str
+    participant: str
+    started_utc: str
+    input_kind: str
+    device_name: str
+    device_guid: str = ""
+    profile_sha256: str = ""
+    force_feedback: str = "off: not asked for"
+    device_details: Mapping[str, str] = field(default_factory=dict)
+    screen_px: tuple[int, int] | None = None
+    display_hz: float | None = None
+    control_hz: float
+    input_latency_ms: float | None = None
+    settings: Mapping[str, str] = field(default_factory=dict)
+    steerlab_version: str
+    environment: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("id", "participant", "started_utc", "input_kind", "device_name"):
+            check_name(f"session {name}", getattr(self, name))
+        for name in ("control_hz", "display_hz"):
+            rate = getattr(self, name)
+            if rate is not None and not (isfinite(rate) and rate > 0.0):
+                raise InvalidRecord(f"Session {self.id!r}: {name} {rate} is no rate.")
+        latency = self.input_latency_ms
+        if latency is not None and not (isfinite(latency) and latency >= 0.0):
+            raise InvalidRecord(
+                f"Session {self.id!r}: input_latency_ms is {latency}; None if it was not measured."
+            )
+        if self.screen_px is not None and min(self.screen_px) < 1:
+            raise InvalidRecord(f"Session {self.id!r}: a screen of {self.screen_px} pixels.")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class AuditEntry:
-    """One act, as it was logged; ``at_utc`` is ISO 8601."""
+class Event:
+    """Something that happened at a step; ``at_ns`` is on the same clock as the step times."""
 
-    at_utc: str
-    act: str
-    detail: str
+    step: int
+    at_ns: int
+    what: str
+
+    def __post_init__(self) -> None:
+        check_name("event", self.what)
+        if self.step < 0:
+            raise InvalidRecord(f"Event {self.what!r} at step {self.step}; steps start at 0.")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Flag:
+    """A limit that an attempt broke: its labels are kept, and whoever reads them is told.
+
+    Attributes:
+        bound: what ``value`` should have kept to.
+    """
+
+    name: str
+    value: float
+    bound: float
+
+    def __post_init__(self) -> None:
+        check_name("flag", self.name)
+        if not (isfinite(self.value) and isfinite(self.bound)):
+            raise InvalidRecord(f"{self} is not finite; a flag has a value and its bound.")
+
+
+ATTEMPTS = Table("attempts", Attempt)
+ROLLOUTS = Table("rollouts", StoredRollout)
+SESSIONS = Table("sessions", SessionRecord)
+EVENTS = Table("events", Event)
+FLAGS = Table("flags", Flag)
+TIMINGS = Table("timings", StepTiming)

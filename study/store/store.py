@@ -5,33 +5,47 @@
 # pyright: reportMissingTypeStubs=false
 
 import sqlite3
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import pyarrow as pa
 
-from steerlab.sim.records import COLUMNS, LabelledStep, check_name, row_from_step
-from steerlab.study.store.connection import StoreConnection
-from steerlab.study.store.events import (
+from steerlab.sim.records import (
+    COLUMNS,
+    LABELLED_STEP_SCHEMA,
+    LabelledStep,
+    check_name,
+    row_from_step,
+)
+from steerlab.study.store.audit import AUDIT, AuditEntry
+from steerlab.study.store.connection import StoreConnection, fail
+from steerlab.study.store.errors import StoreError
+from steerlab.study.store.records import (
+    ATTEMPTS,
+    EVENTS,
+    FLAGS,
+    ROLLOUTS,
+    SESSIONS,
+    TIMING_SCHEMA,
+    TIMINGS,
+    Attempt,
+    AttemptStatus,
     Event,
     Flag,
-    StepTimes,
-    insert_event,
-    insert_flag,
-    insert_times,
-    read_events,
-    read_flags,
-    read_timings,
+    SessionRecord,
+    StoredRollout,
 )
-from steerlab.study.store.labels import read_labels, read_steps
-from steerlab.study.store.records import Attempt, AttemptStatus, AuditEntry, StoredRollout
-from steerlab.study.store.schema import StoreError, create_database, open_database
-from steerlab.study.store.sessions import SessionRecord, add_session, check_session, read_sessions
+from steerlab.teleop.timing import StepTiming
 
 _INSERT_STEP = f"INSERT INTO steps VALUES ({', '.join('?' * len(COLUMNS))})"
 _THIS_ATTEMPT = "WHERE participant = ? AND rollout = ? AND attempt = ?"
+_LAST_FINISHED = (
+    "(SELECT participant, rollout, max(attempt) AS attempt FROM attempts "
+    "WHERE status = ? GROUP BY participant, rollout)"
+)
+_BATCH_ROWS = 50_000
 
 
 class StudyStore:
@@ -39,16 +53,18 @@ class StudyStore:
 
     A step is safe from a crash of this program once ``append`` returns, and a finished attempt
     from a power cut as well once ``finish_attempt`` returns. Nothing is ever overwritten.
+
+    Attributes:
+        connection: what the tables are read and written through that have no methods here.
     """
 
-    def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
-        self.path = path
-        self._connection = StoreConnection(connection, path)
+    def __init__(self, connection: StoreConnection) -> None:
+        self.connection = connection
 
     @property
-    def connection(self) -> StoreConnection:
-        """What the tables of a study (schema 3) are read and written through."""
-        return self._connection
+    def path(self) -> Path:
+        """The file."""
+        return self.connection.path
 
     @classmethod
     def create(cls, path: Path) -> Self:
@@ -57,20 +73,20 @@ class StudyStore:
         Raises:
             StoreError: the file exists already or cannot be made.
         """
-        return cls(create_database(path), path)
+        return cls(StoreConnection.create(path))
 
     @classmethod
     def open(cls, path: Path, *, read_only: bool = False) -> Self:
         """Open an existing store.
 
         Raises:
-            StoreError: the file is missing, foreign, damaged, locked or of a newer schema.
+            StoreError: the file is missing, foreign, damaged, locked or of another version.
         """
-        return cls(open_database(path, read_only=read_only), path)
+        return cls(StoreConnection.open(path, read_only=read_only))
 
     def close(self) -> None:
         """Close the file; an attempt that is still running stays marked as running."""
-        self._connection.close()
+        self.connection.close()
 
     def __enter__(self) -> Self:
         return self
@@ -92,15 +108,14 @@ class StudyStore:
         """
         check_name("pseudonym", pseudonym)
         check_name("role", role)
-        with self._connection.transaction(f"enrol {pseudonym!r}"):
-            known = self.participants().get(pseudonym, role)
-            if known != role:
+        with self.connection.transaction(f"enrol {pseudonym!r}"):
+            known = self.participants().get(pseudonym)
+            if known is None:
+                self.connection.insert("participants", pseudonym=pseudonym, role=role)
+            elif known != role:
                 raise StoreError(
                     f"{pseudonym!r} is enrolled as {known!r}, not {role!r}; choose another name."
                 )
-            self._connection.run(
-                "INSERT INTO participants VALUES (?, ?) ON CONFLICT DO NOTHING", pseudonym, role
-            )
 
     def add_rollout(self, rollout: StoredRollout) -> None:
         """Register a rollout; saying the same twice changes nothing.
@@ -108,15 +123,15 @@ class StudyStore:
         Raises:
             StoreError: another rollout has that name.
         """
-        with self._connection.transaction(f"add rollout {rollout.name!r}"):
-            known = self.rollouts().get(rollout.name, rollout)
-            if known != rollout:
+        with self.connection.transaction(f"add rollout {rollout.name!r}"):
+            known = self.rollouts().get(rollout.name)
+            if known is None:
+                ROLLOUTS.insert(self.connection, rollout)
+            elif known != rollout:
                 raise StoreError(
                     f"Another rollout is stored as {rollout.name!r} (seed {known.seed}, "
                     f"{known.steps} steps); give this one another name."
                 )
-            insert = "INSERT INTO rollouts VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
-            self._connection.run(insert, *rollout.to_row())
 
     def add_session(self, session: SessionRecord) -> None:
         """Keep when and with what a participant sat down; durable when this returns.
@@ -124,7 +139,10 @@ class StudyStore:
         Raises:
             StoreError: its id is taken, or its participant is not enrolled.
         """
-        add_session(self._connection, session)
+        with self.connection.transaction(f"keep session {session.id!r}", durable=True):
+            SESSIONS.insert(self.connection, session)
+            whose = f"session {session.id!r} of {session.participant!r}"
+            self.connection.log("session begun", whose)
 
     def begin_attempt(
         self, participant: str, rollout: str, *, session: str | None = None
@@ -134,13 +152,13 @@ class StudyStore:
         Raises:
             StoreError: the participant, the rollout or the session is not in the store.
         """
-        with self._connection.transaction(f"begin an attempt of {participant!r} at {rollout!r}"):
+        with self.connection.transaction(f"begin an attempt of {participant!r} at {rollout!r}"):
             if participant not in self.participants():
                 raise StoreError(f"{participant!r} is not enrolled in {self.path}; add them first.")
             if rollout not in (known := self.rollouts()):
                 raise StoreError(f"{rollout!r} is not in {self.path}; it has {[*known]}.")
             if session is not None:
-                check_session(self._connection, session, participant)
+                self._check_session(session, participant)
             tries = [a for a in self.attempts() if a.participant == participant]
             begun = Attempt(
                 participant=participant,
@@ -150,23 +168,23 @@ class StudyStore:
                 order_index=len(tries),
                 session=session,
             )
-            insert = "INSERT INTO attempts VALUES (?, ?, ?, ?, ?, ?, ?)"
-            self._connection.run(insert, *begun.to_row())
-            self._connection.log("attempt begun", str(begun))
+            ATTEMPTS.insert(self.connection, begun)
+            self.connection.log("attempt begun", str(begun))
         return begun
 
-    def append(self, step: LabelledStep, times: StepTimes | None = None) -> None:
+    def append(self, step: LabelledStep, times: StepTiming | None = None) -> None:
         """Keep one step of a running attempt, and when it happened.
 
         Raises:
             StoreError: its attempt is not running, or has that step already.
             InvalidRecord: a number is NaN or infinite, or a text is unusable.
         """
-        values = tuple(row_from_step(step).values())
-        with self._connection.transaction(f"keep step {step.step} of {step.rollout!r}"):
-            self._connection.run(_INSERT_STEP, *values)
+        row = row_from_step(step)
+        with self.connection.transaction(f"keep step {step.step} of {step.rollout!r}"):
+            self.connection.run(_INSERT_STEP, *row.values())
             if times is not None:
-                insert_times(self._connection, step, times)
+                key = {name: row[name] for name in ("participant", "rollout", "attempt", "step")}
+                TIMINGS.insert(self.connection, times, **key)
 
     def add_event(self, attempt: Attempt, event: Event) -> None:
         """Keep something that happened in a running attempt.
@@ -174,8 +192,8 @@ class StudyStore:
         Raises:
             StoreError: the attempt is not running.
         """
-        with self._connection.transaction(f"keep {event.what!r} of {attempt}"):
-            insert_event(self._connection, attempt, event)
+        with self.connection.transaction(f"keep {event.what!r} of {attempt}"):
+            EVENTS.insert(self.connection, event, **_key(attempt))
 
     def finish_attempt(self, attempt: Attempt, flags: Sequence[Flag] = ()) -> None:
         """Mark an attempt as finished; durable against a power cut when this returns.
@@ -186,12 +204,12 @@ class StudyStore:
         Raises:
             StoreError: the attempt lacks steps of its rollout, or is not running.
         """
-        with self._connection.transaction(f"finish {attempt}", durable=True):
+        with self.connection.transaction(f"finish {attempt}", durable=True):
             for flag in flags:
-                insert_flag(self._connection, attempt, flag)
+                FLAGS.insert(self.connection, flag, **_key(attempt))
             self._end(attempt, AttemptStatus.FINISHED)
             count = f"SELECT count(*), max(step) FROM steps {_THIS_ATTEMPT}"
-            kept, last = self._connection.run(count, *attempt.key).fetchone()
+            kept, last = self.connection.run(count, *attempt.key).fetchone()
             steps = self.rollouts()[attempt.rollout].steps or kept
             if kept == 0 or (kept, last) != (steps, steps - 1):
                 raise StoreError(
@@ -207,7 +225,7 @@ class StudyStore:
             InvalidRecord: the reason is blank or not printable.
         """
         check_name("reason", reason)
-        with self._connection.transaction(f"abandon {attempt}", durable=True):
+        with self.connection.transaction(f"abandon {attempt}", durable=True):
             self._end(attempt, AttemptStatus.ABANDONED, reason)
 
     def abandon_running(self, reason: str) -> list[Attempt]:
@@ -223,49 +241,45 @@ class StudyStore:
 
     def record(self, act: str, detail: str) -> None:
         """Add an act to the audit, which only grows; durable when this returns."""
-        with self._connection.transaction(f"log {act!r}", durable=True):
-            self._connection.log(check_name("act", act), detail)
+        with self.connection.transaction(f"log {act!r}", durable=True):
+            self.connection.log(check_name("act", act), detail)
 
     def participants(self) -> dict[str, str]:
         """Role by pseudonym."""
-        return dict(
-            self._connection.read("SELECT pseudonym, role FROM participants ORDER BY pseudonym")
-        )
+        query = "SELECT pseudonym, role FROM participants ORDER BY pseudonym"
+        return dict(self.connection.read(query))
 
     def rollouts(self) -> dict[str, StoredRollout]:
         """Rollouts by name."""
-        rows = self._connection.read(
-            "SELECT name, world, control_hz, seed, steps FROM rollouts ORDER BY name"
-        )
-        return {row[0]: StoredRollout.from_row(row) for row in rows}
+        return {one.name: one for one in ROLLOUTS.select(self.connection, "ORDER BY name")}
 
     def attempts(self, *statuses: AttemptStatus) -> list[Attempt]:
         """Attempts of the given statuses (none given: all), by participant in their order."""
-        columns = "participant, rollout, attempt, status, order_index, session, end_reason"
-        query = f"SELECT {columns} FROM attempts ORDER BY participant, order_index"
-        found = map(Attempt.from_row, self._connection.read(query))
+        found = ATTEMPTS.select(self.connection, "ORDER BY participant, order_index")
         return [a for a in found if not statuses or a.status in statuses]
 
     def sessions(self) -> dict[str, SessionRecord]:
         """Sessions by id, in the order in which they began."""
-        return read_sessions(self._connection)
-
-    def timings(self, attempt: Attempt | None = None) -> pa.Table:
-        """When the steps of an attempt (none given: of all) happened: a ``TIMING_SCHEMA`` table."""
-        return read_timings(self._connection, attempt)
+        found = SESSIONS.select(self.connection, "ORDER BY started_utc, id")
+        return {one.id: one for one in found}
 
     def events(self, attempt: Attempt) -> list[Event]:
-        """What happened in an attempt, in order."""
-        return read_events(self._connection, attempt)
+        """What happened in an attempt, in the order in which it was kept."""
+        return EVENTS.select(self.connection, f"{_THIS_ATTEMPT} ORDER BY id", *attempt.key)
 
     def flags(self, attempt: Attempt) -> list[Flag]:
         """The limits of timing that an attempt broke, by name."""
-        return read_flags(self._connection, attempt)
+        return FLAGS.select(self.connection, f"{_THIS_ATTEMPT} ORDER BY name", *attempt.key)
 
     def audit(self) -> list[AuditEntry]:
         """Everything that was logged, in the order it was."""
-        rows = self._connection.read("SELECT at_utc, act, detail FROM audit ORDER BY id")
-        return [AuditEntry(at_utc=at_utc, act=act, detail=detail) for at_utc, act, detail in rows]
+        return AUDIT.select(self.connection, "ORDER BY id")
+
+    def timings(self, attempt: Attempt | None = None) -> pa.Table:
+        """When the steps of an attempt (none given: of all) happened: a ``TIMING_SCHEMA`` table."""
+        where, values = ("", ()) if attempt is None else (_THIS_ATTEMPT, attempt.key)
+        order = "ORDER BY participant, rollout, attempt, step"
+        return self._table(TIMING_SCHEMA, f"FROM timings AS t {where} {order}", *values)
 
     def read_labels(self, statuses: Collection[AttemptStatus] | None = None) -> pa.Table:
         """Labelled steps, by participant, rollout, attempt and step.
@@ -277,15 +291,58 @@ class StudyStore:
         Returns:
             A table of ``LABELLED_STEP_SCHEMA``; names sort by code point.
         """
-        return read_labels(self._connection, statuses)
+        if statuses is None:
+            attempts, values = _LAST_FINISHED, [AttemptStatus.FINISHED.value]
+        else:
+            values = [status.value for status in statuses]
+            attempts = f"(SELECT * FROM attempts WHERE status IN ({', '.join('?' * len(values))}))"
+        query = (
+            f"FROM steps AS t JOIN {attempts} USING (participant, rollout, attempt) "
+            f"ORDER BY t.participant, t.rollout, t.attempt, t.step"
+        )
+        return self._table(LABELLED_STEP_SCHEMA, query, *values)
 
     def steps(self, attempt: Attempt) -> pa.Table:
         """Steps of one attempt, whatever its status, in order: a ``LABELLED_STEP_SCHEMA`` table."""
-        return read_steps(self._connection, attempt)
+        query = f"FROM steps AS t {_THIS_ATTEMPT} ORDER BY step"
+        return self._table(LABELLED_STEP_SCHEMA, query, *attempt.key)
+
+    def _table(self, schema: pa.Schema, query: str, *values: str | int) -> pa.Table:
+        """The rows of ``query`` from a table ``t`` that has the columns of ``schema``."""
+        columns = ", ".join(f"t.{name}" for name in schema.names)
+        try:
+            cursor = self.connection.run(f"SELECT {columns} {query}", *values)
+            return pa.Table.from_batches([*_batches(cursor, schema)], schema=schema)
+        except sqlite3.Error as error:
+            fail(self.path, "read the steps", error)
+
+    def _check_session(self, session: str, participant: str) -> None:
+        """Whether an attempt of ``participant`` may belong to ``session``."""
+        query = "SELECT participant FROM sessions WHERE id = ?"
+        known = self.connection.read(query, session)
+        if known != [(participant,)]:
+            whose = f"is one of {known[0][0]!r}" if known else "is not in the store"
+            raise StoreError(
+                f"Session {session!r} {whose}, so {participant!r} has no attempt in it; add the "
+                f"session first."
+            )
 
     def _end(self, attempt: Attempt, status: AttemptStatus, reason: str | None = None) -> None:
         update = f"UPDATE attempts SET status = ?, end_reason = ? {_THIS_ATTEMPT}"
-        if self._connection.run(update, status.value, reason, *attempt.key).rowcount != 1:
+        if self.connection.run(update, status.value, reason, *attempt.key).rowcount != 1:
             raise StoreError(f"There is no {attempt} in {self.path}; begin it first.")
         why = f": {reason}" if reason else ""
-        self._connection.log(f"attempt {status}", f"{attempt}{why}")
+        self.connection.log(f"attempt {status}", f"{attempt}{why}")
+
+
+def _key(attempt: Attempt) -> dict[str, str | int]:
+    return dict(zip(("participant", "rollout", "attempt"), attempt.key, strict=True))
+
+
+def _batches(cursor: sqlite3.Cursor, schema: pa.Schema) -> Iterator[pa.RecordBatch]:
+    while rows := cursor.fetchmany(_BATCH_ROWS):
+        columns = dict(zip(schema.names, map(list, zip(*rows, strict=True)), strict=True))
+        for field in schema:
+            if field.type == pa.bool_():
+                columns[field.name] = list(map(bool, columns[field.name]))
+        yield pa.RecordBatch.from_pydict(columns, schema=schema)

@@ -2,7 +2,6 @@
 # pyarrow ships no types:
 # pyright: reportMissingTypeStubs=false
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
@@ -10,11 +9,12 @@ from math import isfinite
 import numpy as np
 import pyarrow as pa
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.records import InvalidRecord
-from steerlab.sim.rollout import BoolArray, FloatArray, Outcome
+from steerlab.sim.rollout import BoolArray, Outcome
 from steerlab.study.store.connection import StoreConnection
-from steerlab.study.store.people import NOW, PhaseAct
-from steerlab.study.store.teaching_tables import COLUMNS_OF_4
+from steerlab.study.store.people import PhaseAct, read_enrolments
+from steerlab.study.store.rows import Table
 
 TEACHING_SCHEMA = pa.schema(
     [
@@ -43,15 +43,13 @@ TEACHING_SCHEMA = pa.schema(
 ``given_mae`` of what the person gave at the same steps; null where nothing was asked.
 """
 
-_ROUND = COLUMNS_OF_4["teaching_rounds"][1:]
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TaughtRound:
     """One round as it was taught; see ``RoundResult`` of the learners for most of it.
 
     Attributes:
-        occasion: how often the phase was reopened before.
+        phase_run: how often the phase was reopened before.
         attempt: at ``rollout``, which it was taught from.
         given_mae: as ``label_mae``, of the labels as they were given.
         loss: None where nothing was asked, so that the policy stayed as it was.
@@ -61,7 +59,7 @@ class TaughtRound:
 
     participant: str
     phase: str
-    occasion: int
+    phase_run: int
     condition: str
     round: int
     rollout: str
@@ -105,26 +103,23 @@ class Trial:
     final_distance_m: float
 
 
+ROUNDS = Table("teaching_rounds", TaughtRound)
+TRIALS = Table("teaching_trials", Trial)
+_ROUND_KEY = ("participant", "phase", "phase_run", "round")
+
+
 def insert_round(connection: StoreConnection, taught: TaughtRound, targets: StoredTargets) -> None:
     """Keep a round and what was imitated; inside a transaction."""
-    values = {name: getattr(taught, name) for name in _ROUND if name != "at_utc"}
-    values["outcome"] = taught.outcome.value
-    values["policies"] = json.dumps(dict(taught.policies), sort_keys=True)
-    connection.run(
-        f"INSERT INTO teaching_rounds ({', '.join(values)}, at_utc) "
-        f"VALUES ({', '.join('?' * len(values))}, {NOW})",
-        *values.values(),
-    )
+    ROUNDS.insert(connection, taught, at_utc=connection.now())
+    attempt = {name: getattr(taught, name) for name in ("participant", "rollout", "attempt")}
     for step, target, weight, asked in zip(
         *(targets.step.tolist(), targets.target.tolist()),
         *(targets.weight.tolist(), targets.asked.tolist()),
         strict=True,
     ):
-        connection.run(
-            "INSERT INTO teaching_targets VALUES (?, ?, ?, ?, ?, ?, ?)",
-            *(taught.participant, taught.rollout, taught.attempt, step),
-            *(target if isfinite(target) else None, weight, int(asked)),
-        )
+        kept = target if isfinite(target) else None
+        values = {"step": step, "target": kept, "weight": weight, "asked": int(asked)}
+        connection.insert("teaching_targets", **attempt, **values)
     connection.log("round taught", f"{taught.participant} {taught.phase} round {taught.round}")
 
 
@@ -132,19 +127,16 @@ def insert_trials(
     connection: StoreConnection, taught: TaughtRound, trials: Sequence[Trial]
 ) -> None:
     """Keep how a round's policy drove; inside a transaction."""
-    key = taught.participant, taught.phase, taught.occasion, taught.round
+    key = {name: getattr(taught, name) for name in _ROUND_KEY}
     for one in trials:
-        connection.run(
-            "INSERT INTO teaching_trials VALUES (?, ?, ?, ?, ?, ?, ?)",
-            *(*key, one.start, one.outcome.value, one.final_distance_m),
-        )
+        TRIALS.insert(connection, one, **key)
 
 
-def read_occasion(connection: StoreConnection, participant: str, phase: str) -> tuple[int, int]:
+def read_phase_run(connection: StoreConnection, participant: str, phase: str) -> tuple[int, int]:
     """How often a phase was reopened, and the first of the participant's attempts that counts."""
     rows = connection.read(
         "SELECT count(*), max(first_attempt) FROM phase_events "
-        "WHERE participant = ? AND phase = ? AND what = ?",
+        "WHERE participant = ? AND phase = ? AND act = ?",
         *(participant, phase, PhaseAct.REOPENED.value),
     )
     return rows[0][0], rows[0][1] or 0
@@ -152,20 +144,9 @@ def read_occasion(connection: StoreConnection, participant: str, phase: str) -> 
 
 def read_taught(connection: StoreConnection, participant: str, phase: str) -> list[TaughtRound]:
     """The rounds of a phase that count, in order."""
-    occasion, _ = read_occasion(connection, participant, phase)
-    rows = connection.read(
-        f"SELECT {', '.join(_ROUND)} FROM teaching_rounds "
-        "WHERE participant = ? AND phase = ? AND occasion = ? ORDER BY round",
-        *(participant, phase, occasion),
-    )
-    found: list[TaughtRound] = []
-    for row in rows:
-        values = dict(zip(_ROUND, row, strict=True))
-        del values["at_utc"]
-        values["outcome"] = Outcome(values["outcome"])
-        values["policies"] = json.loads(values["policies"])
-        found.append(TaughtRound(**values))
-    return found
+    phase_run, _ = read_phase_run(connection, participant, phase)
+    where = "WHERE participant = ? AND phase = ? AND phase_run = ? ORDER BY round"
+    return ROUNDS.select(connection, where, participant, phase, phase_run)
 
 
 def read_targets(connection: StoreConnection, taught: TaughtRound) -> StoredTargets:
@@ -186,11 +167,11 @@ def read_targets(connection: StoreConnection, taught: TaughtRound) -> StoredTarg
 
 def read_tried(connection: StoreConnection, participant: str, phase: str) -> set[int]:
     """The rounds of a phase whose policies were tried."""
-    occasion, _ = read_occasion(connection, participant, phase)
+    phase_run, _ = read_phase_run(connection, participant, phase)
     rows = connection.read(
         "SELECT DISTINCT round FROM teaching_trials "
-        "WHERE participant = ? AND phase = ? AND occasion = ?",
-        *(participant, phase, occasion),
+        "WHERE participant = ? AND phase = ? AND phase_run = ?",
+        *(participant, phase, phase_run),
     )
     return {row[0] for row in rows}
 
@@ -200,26 +181,23 @@ def read_teaching_rounds(connection: StoreConnection) -> pa.Table:
 
     Rounds of a phase that was opened again do not count.
     """
-    orders = {
-        participant: json.loads(order)
-        for participant, order in connection.read("SELECT participant, orders FROM enrolments")
-    }
+    orders = {one.participant: one.condition_order for one in read_enrolments(connection)}
     rows = connection.read(
         "SELECT r.participant, r.phase, r.condition, r.round, "
         "avg(t.outcome = ?), avg(t.final_distance_m), count(t.start), r.label_mae, r.given_mae, "
         "r.labels_asked, r.teacher_s, r.switches, r.loss "
         "FROM teaching_rounds AS r LEFT JOIN teaching_trials AS t "
-        "ON t.participant = r.participant AND t.phase = r.phase AND t.occasion = r.occasion "
+        "ON t.participant = r.participant AND t.phase = r.phase AND t.phase_run = r.phase_run "
         "AND t.round = r.round "
-        "WHERE r.occasion = (SELECT count(*) FROM phase_events AS e WHERE "
-        "e.participant = r.participant AND e.phase = r.phase AND e.what = ?) "
+        "WHERE r.phase_run = (SELECT count(*) FROM phase_events AS e WHERE "
+        "e.participant = r.participant AND e.phase = r.phase AND e.act = ?) "
         "GROUP BY r.id",
         *(Outcome.BALL_REACHED.value, PhaseAct.REOPENED.value),
     )
     names = [name for name in TEACHING_SCHEMA.names if name != "position"]
     found = [dict(zip(names, row, strict=True)) for row in rows]
     for row in found:
-        order = orders.get(row["participant"], [])
+        order = orders.get(row["participant"], ())
         row["position"] = order.index(row["condition"]) + 1 if row["condition"] in order else 0
     found.sort(key=lambda row: (row["participant"], row["position"], row["phase"], row["round"]))
     return pa.Table.from_pylist(found, schema=TEACHING_SCHEMA)

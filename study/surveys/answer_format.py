@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from math import ceil, floor, isfinite
 from typing import ClassVar, Literal
 
-from steerlab.sim.errors import SteerlabError
-from steerlab.study.surveys.errors import QuestionnaireError
+from steerlab.sim.errors import InvalidValue, SteerlabError, check_words
 
 Value = str | int | float
 """An answer: a number on a scale, a chosen option's value or a text."""
@@ -49,19 +48,18 @@ class Likert:
 
     def __post_init__(self) -> None:
         if not self.low < self.high < self.low + LONGEST_LIKERT:
-            raise QuestionnaireError(
+            raise InvalidValue(
                 "high", self.high, f"above low ({self.low}), with at most {LONGEST_LIKERT} points"
             )
         values = [value for value, _ in self.anchors]
         allowed = f"words for both ends ({self.low} and {self.high}), each value at most once"
         if len(set(values)) != len(values) or not {self.low, self.high} <= set(values):
-            raise QuestionnaireError("anchors", dict(self.anchors), allowed)
+            raise InvalidValue("anchors", dict(self.anchors), allowed)
         for value, words in self.anchors:
             if not self.low <= value <= self.high:
                 allowed = f"words for values from {self.low} to {self.high}"
-                raise QuestionnaireError("anchors", value, allowed)
-            if not words.strip():
-                raise QuestionnaireError(f"anchors.{value}", words, "some words")
+                raise InvalidValue("anchors", value, allowed)
+            check_words(f"anchors.{value}", words)
 
     @property
     def allowed(self) -> str:
@@ -94,13 +92,12 @@ class Slider:
 
     def __post_init__(self) -> None:
         if self.low >= self.high:
-            raise QuestionnaireError("high", self.high, f"above low ({self.low})")
+            raise InvalidValue("high", self.high, f"above low ({self.low})")
         if self.step < 1 or (self.high - self.low) % self.step:
             allowed = f"a whole number that divides the range {self.low} to {self.high}"
-            raise QuestionnaireError("step", self.step, allowed)
+            raise InvalidValue("step", self.step, allowed)
         for name, words in (("low_label", self.low_label), ("high_label", self.high_label)):
-            if not words.strip():
-                raise QuestionnaireError(name, words, "some words")
+            check_words(name, words)
 
     @property
     def allowed(self) -> str:
@@ -134,14 +131,12 @@ class Choice:
     def __post_init__(self) -> None:
         values = [option.value for option in self.options]
         if len(values) < 2 or len(set(values)) != len(values):
-            raise QuestionnaireError("options", values, "two or more options with other values")
-        for option in self.options:
+            raise InvalidValue("options", values, "two or more options with other values")
+        for place, option in enumerate(self.options):
+            key = f"options[{place}]"
             if not option.value or option.value != option.value.strip():
-                raise QuestionnaireError(
-                    "options.value", option.value, "a word without spaces around"
-                )
-            if not option.text.strip():
-                raise QuestionnaireError("options.text", option.text, "some words")
+                raise InvalidValue(f"{key}.value", option.value, "a word without spaces around")
+            check_words(f"{key}.text", option.text)
 
     @property
     def allowed(self) -> str:
@@ -172,11 +167,11 @@ class Number:
     def __post_init__(self) -> None:
         for name, bound in (("minimum", self.minimum), ("maximum", self.maximum)):
             if not isfinite(bound):
-                raise QuestionnaireError(name, bound, "a finite number")
+                raise InvalidValue(name, bound, "a finite number")
         if self.minimum >= self.maximum:
-            raise QuestionnaireError("maximum", self.maximum, f"above minimum ({self.minimum:g})")
+            raise InvalidValue("maximum", self.maximum, f"above minimum ({self.minimum:g})")
         if self.whole and ceil(self.minimum) > floor(self.maximum):
-            raise QuestionnaireError("maximum", self.maximum, "such that a whole number is within")
+            raise InvalidValue("maximum", self.maximum, "such that a whole number is within")
 
     @property
     def allowed(self) -> str:
@@ -200,9 +195,7 @@ class FreeText:
 
     def __post_init__(self) -> None:
         if not 1 <= self.longest <= LONGEST_TEXT:
-            raise QuestionnaireError(
-                "longest", self.longest, f"from 1 to {LONGEST_TEXT} characters"
-            )
+            raise InvalidValue("longest", self.longest, f"from 1 to {LONGEST_TEXT} characters")
 
     @property
     def allowed(self) -> str:

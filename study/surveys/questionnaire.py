@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from hashlib import sha256
 from typing import Literal
 
+from steerlab.sim.errors import InvalidValue, check_words
 from steerlab.study.surveys.answer_format import (
     AnswerFormat,
     InvalidAnswer,
@@ -15,13 +16,11 @@ from steerlab.study.surveys.answer_format import (
     Slider,
     Value,
 )
-from steerlab.study.surveys.errors import QuestionnaireError
 
 __all__ = [
     "InvalidAnswer",
     "Item",
     "Questionnaire",
-    "QuestionnaireError",
     "Scale",
     "UnknownItem",
     "Value",
@@ -60,9 +59,8 @@ class Item:
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.id):
-            raise QuestionnaireError("id", self.id, _KEY_WORDS)
-        if not self.text.strip():
-            raise QuestionnaireError("text", self.text, "some words")
+            raise InvalidValue("id", self.id, _KEY_WORDS)
+        check_words("text", self.text)
 
     @property
     def kind(self) -> Kind:
@@ -90,16 +88,15 @@ class Scale:
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.key):
-            raise QuestionnaireError("key", self.key, _KEY_WORDS)
-        if not self.title.strip():
-            raise QuestionnaireError("title", self.title, "some words")
+            raise InvalidValue("key", self.key, _KEY_WORDS)
+        check_words("title", self.title)
         if not self.items or len(set(self.items)) != len(self.items):
-            raise QuestionnaireError("items", list(self.items), "one or more items, each once")
+            raise InvalidValue("items", list(self.items), "one or more items, each once")
         if len(set(self.reversed)) != len(self.reversed) or set(self.reversed) - set(self.items):
             allowed = f"some of the scale's items ({', '.join(self.items)}), each once"
-            raise QuestionnaireError("reversed", list(self.reversed), allowed)
+            raise InvalidValue("reversed", list(self.reversed), allowed)
         if self.how not in ("sum", "mean"):
-            raise QuestionnaireError("how", self.how, "'sum' or 'mean'")
+            raise InvalidValue("how", self.how, "'sum' or 'mean'")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -130,24 +127,23 @@ class Questionnaire:
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.key):
-            raise QuestionnaireError("key", self.key, _KEY_WORDS)
+            raise InvalidValue("key", self.key, _KEY_WORDS)
         for name in ("title", "instructions", "citation", "licence_note"):
-            if not getattr(self, name).strip():
-                raise QuestionnaireError(name, getattr(self, name), "some words")
+            check_words(name, getattr(self, name))
         if self.version < 1:
-            raise QuestionnaireError("version", self.version, "a whole number from 1")
+            raise InvalidValue("version", self.version, "a whole number from 1")
         if not self.items:
-            raise QuestionnaireError("items", [], "one or more items")
+            raise InvalidValue("items", [], "one or more items")
         ids: set[str] = set()
-        for place, item in enumerate(self.items, 1):
+        for place, item in enumerate(self.items):
             if item.id in ids:
-                raise QuestionnaireError(f"items[{place}].id", item.id, "another one: it is taken")
+                raise InvalidValue(f"items[{place}].id", item.id, "another one: it is taken")
             ids.add(item.id)
         keys: set[str] = set()
-        for place, scale in enumerate(self.scales, 1):
+        for place, scale in enumerate(self.scales):
             if scale.key in keys:
                 key = f"scales[{place}].key"
-                raise QuestionnaireError(key, scale.key, "another one: it is taken")
+                raise InvalidValue(key, scale.key, "another one: it is taken")
             keys.add(scale.key)
             _check_scale(scale, {item.id: item for item in self.items}, f"scales[{place}]")
 
@@ -182,12 +178,12 @@ class Questionnaire:
         """The scale of that key.
 
         Raises:
-            QuestionnaireError: there is none.
+            InvalidValue: there is none.
         """
         found = next((one for one in self.scales if one.key == scale), None)
         if found is None:
             known = ", ".join(one.key for one in self.scales) or "none: it has no scales"
-            raise QuestionnaireError("scale", scale, f"one of {self.key}'s ({known})")
+            raise InvalidValue("scale", scale, f"one of {self.key}'s ({known})")
         return found
 
     def item_range(self, scale: str) -> tuple[int, int]:
@@ -215,10 +211,10 @@ def bounds(item: Item) -> tuple[int, int]:
     """Lowest and highest answer to an item on a scale.
 
     Raises:
-        QuestionnaireError: the item is no number that a scale can add up.
+        InvalidValue: the item is no number that a scale can add up.
     """
     if not isinstance(item.format, (Likert, Slider)):
-        raise QuestionnaireError("kind", item.kind, f"likert or slider: {item.id!r} is on a scale")
+        raise InvalidValue("kind", item.kind, f"likert or slider: {item.id!r} is on a scale")
     return item.format.low, item.format.high
 
 
@@ -226,11 +222,11 @@ def _check_scale(scale: Scale, items: Mapping[str, Item], key: str) -> None:
     ranges: set[tuple[int, int]] = set()
     for name in scale.items:
         if name not in items:
-            raise QuestionnaireError(f"{key}.items", name, f"one of {', '.join(items)}")
+            raise InvalidValue(f"{key}.items", name, f"one of {', '.join(items)}")
         try:
             ranges.add(bounds(items[name]))
-        except QuestionnaireError as error:
-            raise QuestionnaireError(f"{key}.items", name, "a likert or slider item") from error
+        except InvalidValue as error:
+            raise InvalidValue(f"{key}.items", name, "a likert or slider item") from error
     if len(ranges) > 1:
         allowed = "items that all have the same range"
-        raise QuestionnaireError(f"{key}.items", sorted(ranges), allowed)
+        raise InvalidValue(f"{key}.items", sorted(ranges), allowed)

@@ -1,15 +1,29 @@
-"""Where questionnaires are: the shipped ones, and those that a study's folder brings."""
+"""Questionnaires as TOML: the shipped ones, and those that a study's folder brings."""
 
 import re
+from collections.abc import Mapping
+from dataclasses import MISSING, field, fields, make_dataclass
 from functools import cache
 from importlib import resources
 from pathlib import Path
+from typing import Any, get_type_hints
 
-from steerlab.sim.errors import InvalidConfig
-from steerlab.study.surveys.errors import QuestionnaireError
-from steerlab.study.surveys.questionnaire import Questionnaire
-from steerlab.study.surveys.questionnaire_toml import questionnaire_from_toml
-from steerlab.study.surveys.toml_lines import line_of
+from steerlab.sim.errors import InvalidConfig, InvalidValue
+from steerlab.sim.files.structured import (
+    as_table,
+    one_of,
+    structured,
+    toml_values,
+    utf8_text,
+    versioned,
+    within,
+    within_file,
+)
+from steerlab.study.surveys.answer_format import Choice, FreeText, Likert, Number, Slider
+from steerlab.study.surveys.questionnaire import Item, Questionnaire
+
+FORMAT = 1
+_FORMATS = {one.kind: one for one in (Likert, Slider, Choice, Number, FreeText)}
 
 
 def shipped_questionnaires() -> dict[str, Questionnaire]:
@@ -34,7 +48,7 @@ def all_questionnaires(folder: Path | None = None) -> dict[str, Questionnaire]:
                 f"{path} has the key of a shipped questionnaire, which it would replace; give "
                 f"file and key another name, such as {path.stem}_ours."
             )
-        found[path.stem] = _read(path)
+        found[path.stem] = questionnaire_from_toml(utf8_text(path), str(path))
     return found
 
 
@@ -56,16 +70,92 @@ def load_questionnaire(key: str, folder: Path | None = None) -> Questionnaire:
     return known[key]
 
 
+def questionnaire_from_toml(text: str, file: str) -> Questionnaire:
+    """Read one questionnaire; ``file`` is named in errors, and its key must be the file's name.
+
+    Raises:
+        InvalidConfig: with line, key, value and what is allowed.
+    """
+    name = re.split(r"[/\\]", file)[-1].removesuffix(".toml")
+    content = toml_values(text, file)
+    with within_file(file, text):
+        values = versioned(Questionnaire, content, "format", FORMAT, ("defaults",))
+        found = structured(Questionnaire, _with_items(values))
+        if found.key != name:  # so that no folder holds a key twice
+            raise InvalidValue("key", found.key, f"{name!r}, as the file is named")
+    return found
+
+
+def _with_items(values: dict[str, Any]) -> dict[str, Any]:
+    """The file's values with its items as records, which have taken what they need of the defaults."""
+    defaults = values.get("defaults", {})
+    with within("defaults"):
+        structured(_defaults_record(), defaults)
+    given = {key: value for key, value in values.items() if key != "defaults"}
+    for key in ("instructions", "citation", "licence_note"):
+        if isinstance(given.get(key), str):  # of several lines, and the last one ends
+            given[key] = given[key].strip()
+    if isinstance(items := given.get("items"), list):
+        given["items"] = [
+            _item(f"items[{place}]", item, defaults) for place, item in enumerate(items)
+        ]
+    return given
+
+
+def _item(place: str, given: object, defaults: Mapping[str, Any]) -> Item:
+    """An item; in the file the keys of its format are beside its own."""
+    with within(place):
+        table = as_table(given)
+    kind = table.get("kind", defaults.get("kind"))
+    if not isinstance(kind, str) or kind not in _FORMATS:
+        where = place if "kind" in table or "kind" not in defaults else "defaults"
+        raise InvalidValue(f"{where}.kind", kind, f"one of {one_of(_FORMATS, kind)}")
+    record = _item_record(kind)
+    keys = {one.name for one in fields(record)}
+    inherited = {key: value for key, value in defaults.items() if key in keys and key not in table}
+    try:
+        found = structured(record, inherited | table)
+        parts = {key: getattr(found, key) for key in keys - {"id", "text", "kind", "required"}}
+        if "anchors" in parts:
+            parts["anchors"] = tuple(sorted(parts["anchors"].items()))
+        answer = _FORMATS[kind](**parts)
+        return Item(id=found.id, text=found.text, format=answer, required=found.required)
+    except InvalidValue as error:
+        named = re.split(r"[.\[]", error.path)[0]
+        raise error.under("defaults" if named in inherited else place) from None
+
+
+@cache
+def _item_record(kind: str) -> Any:
+    """What the file says of an item of this kind."""
+    own = [("id", str), ("text", str), ("kind", str, kind), ("required", bool, True)]
+    return make_dataclass(f"{kind}_item", [*own, *_format_fields(kind)], kw_only=True)
+
+
+@cache
+def _defaults_record() -> Any:
+    """What ``[defaults]`` may say: anything that all items of some kind can share."""
+    shared = {name: hint for kind in _FORMATS for name, hint, _ in _format_fields(kind)}
+    names = {"kind": str, "required": bool} | shared
+    return make_dataclass("defaults", [(name, hint, None) for name, hint in names.items()])
+
+
+def _format_fields(kind: str) -> list[tuple[str, Any, Any]]:
+    hints = get_type_hints(_FORMATS[kind]) | {"anchors": Mapping[int, str]}
+    return [
+        (one.name, hints[one.name], field() if one.default is MISSING else one.default)
+        for one in fields(_FORMATS[kind])
+    ]
+
+
 @cache
 def _shipped() -> tuple[tuple[str, Questionnaire], ...]:
     folder = resources.files("steerlab.assets") / "questionnaires"
     files = sorted(
         (one for one in folder.iterdir() if one.name.endswith(".toml")), key=lambda one: one.name
     )
-    return tuple(
-        (one.name.removesuffix(".toml"), _named(one.read_text(encoding="utf-8"), one.name))
-        for one in files
-    )
+    found = [questionnaire_from_toml(one.read_text(encoding="utf-8"), one.name) for one in files]
+    return tuple((one.key, one) for one in found)
 
 
 def _files(folder: Path | None) -> list[Path]:
@@ -74,23 +164,3 @@ def _files(folder: Path | None) -> list[Path]:
     if not folder.is_dir():
         raise InvalidConfig(f"{folder} is no folder; make it, or ask for shipped questionnaires.")
     return sorted(folder.glob("*.toml"))
-
-
-def _read(path: Path) -> Questionnaire:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InvalidConfig(f"{path} cannot be read: {error.strerror}.") from error
-    except UnicodeDecodeError as error:
-        raise InvalidConfig(f"{path} is not UTF-8: {error}. Save it as UTF-8.") from error
-    return _named(text, str(path))
-
-
-def _named(text: str, file: str) -> Questionnaire:
-    """A questionnaire whose file has its key as name, so that no folder holds a key twice."""
-    found = questionnaire_from_toml(text, file)
-    name = re.split(r"[/\\]", file)[-1].removesuffix(".toml")
-    if found.key != name:
-        error = QuestionnaireError("key", found.key, f"{name!r}, as the file is named")
-        raise error.at(file, line_of(text, "key"))
-    return found

@@ -3,18 +3,18 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as f_distribution
+from scipy.special import fdtri
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import FloatArray
 
 FEWEST_PEOPLE = 3
 FEWEST_ITEMS = 2
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Alpha:
-    """How consistently the items of a scale measure, in one sample.
+class CronbachAlpha:
+    """How consistently the items of a scale measure one thing, in one sample.
 
     Attributes:
         alpha: None if it is not defined; it may be negative.
@@ -34,7 +34,7 @@ class Alpha:
     reason: str = ""
 
 
-def cronbach_alpha(answers: FloatArray, *, confidence: float = 0.95) -> Alpha:
+def cronbach_alpha(answers: FloatArray, *, confidence: float = 0.95) -> CronbachAlpha:
     """Alpha = k/(k-1) · (1 - sum of the items' variances / variance of the sum).
 
     The interval is Feldt's (Feldt, Woodruff & Salih 1987, Applied Psychological Measurement 11,
@@ -56,34 +56,35 @@ def cronbach_alpha(answers: FloatArray, *, confidence: float = 0.95) -> Alpha:
         )
     complete = answers[~np.isnan(answers).any(axis=1)]
     people, items = complete.shape
-    left_out = len(answers) - people
-
-    def result(
-        alpha: float | None, low: float | None, high: float | None, reason: str = ""
-    ) -> Alpha:
-        return Alpha(
-            alpha=alpha,
-            low=low,
-            high=high,
-            confidence=confidence,
-            people=people,
-            left_out=left_out,
-            items=items,
-            reason=reason,
+    alpha = low = high = None
+    reason = _why_undefined(complete)
+    if not reason:
+        within = complete.var(axis=0, ddof=1).sum()
+        alpha = float(items / (items - 1) * (1.0 - within / complete.sum(axis=1).var(ddof=1)))
+        tail = (1.0 - confidence) / 2.0
+        freedom = (people - 1, (people - 1) * (items - 1))
+        low, high = (
+            float(1.0 - (1.0 - alpha) * fdtri(*freedom, share)) for share in (1.0 - tail, tail)
         )
+    return CronbachAlpha(
+        alpha=alpha,
+        low=low,
+        high=high,
+        confidence=confidence,
+        people=people,
+        left_out=len(answers) - people,
+        items=items,
+        reason=reason,
+    )
 
+
+def _why_undefined(complete: FloatArray) -> str:
+    """Why these answers, (people, items) without gaps, have no alpha; empty if they have one."""
+    people, items = complete.shape
     if items < FEWEST_ITEMS:
-        return result(None, None, None, f"items: {items}; at least {FEWEST_ITEMS} are needed")
+        return f"items: {items}; at least {FEWEST_ITEMS} are needed"
     if people < FEWEST_PEOPLE:
-        reason = f"people with all answers: {people}; at least {FEWEST_PEOPLE} are needed"
-        return result(None, None, None, reason)
-    total = complete.sum(axis=1)
-    if np.ptp(total) == 0.0:
-        return result(None, None, None, "everyone has the same score, so nothing varies")
-    within = complete.var(axis=0, ddof=1).sum()
-    alpha = items / (items - 1) * (1.0 - within / total.var(ddof=1))
-    tail = (1.0 - confidence) / 2.0
-    freedom = (people - 1, (people - 1) * (items - 1))
-    low = 1.0 - (1.0 - alpha) * f_distribution.isf(tail, *freedom)
-    high = 1.0 - (1.0 - alpha) * f_distribution.ppf(tail, *freedom)
-    return result(float(alpha), float(low), float(high))
+        return f"people with all answers: {people}; at least {FEWEST_PEOPLE} are needed"
+    if np.ptp(complete.sum(axis=1)) == 0.0:
+        return "everyone has the same score, so nothing varies"
+    return ""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from steerlab.sim.rollout import FloatArray
+from steerlab.sim.arrays import FloatArray
 from steerlab.study.surveys.answer_format import Value
 from steerlab.study.surveys.questionnaire import Questionnaire
 
@@ -74,7 +74,7 @@ def keyed(
 
     Raises:
         InvalidAnswer: an answer is not allowed.
-        QuestionnaireError: there is no such scale.
+        InvalidValue: there is no such scale.
     """
     found = questionnaire.scale(scale)
     low, high = questionnaire.item_range(scale)

@@ -3,10 +3,14 @@
 from collections.abc import Callable
 from time import perf_counter_ns, sleep
 
+from steerlab.learning.agents.drive import RoundDrive
+from steerlab.learning.agents.teaching_contract import AfterRest, FinishedDrive, Work
+from steerlab.learning.policy_training import Progress
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.rollout import Outcome
 from steerlab.study.recording.session_recorder import SessionRecorder
-from steerlab.study.teaching.conditions import TeacherAction
+from steerlab.study.teaching.conditions import TeacherAction, TeachingMode
+from steerlab.study.teaching.live_round import LiveRound, make_live_round
 from steerlab.study.teaching.pages import (
     before_page,
     button_page,
@@ -16,8 +20,6 @@ from steerlab.study.teaching.pages import (
     untimely_page,
     waiting_page,
 )
-from steerlab.study.teaching.round_drive import RoundDrive
-from steerlab.study.teaching.teacher_interface import Drove, Pressed, Tick, Work
 from steerlab.study.teaching.teaching_log import outcome_event
 from steerlab.teleop.attempt import Attempts
 from steerlab.teleop.devices.contract import Button, Device
@@ -31,6 +33,15 @@ from steerlab.teleop.timing_limits import LoopHealth
 from steerlab.teleop.watch import PersonWatch
 
 PAGE_NS = NS_PER_S // 10  # while the robot learns: drawing takes time from it
+_AFTER_REST = {Act.CONFIRM: AfterRest.GO_ON, Act.REDO: AfterRest.REDO, Act.STOP: AfterRest.STOP}
+
+
+class _Pressed(Exception):
+    """The person asked for something while work goes on; no error."""
+
+    def __init__(self, act: Act) -> None:
+        super().__init__(act.value)
+        self.act = act
 
 
 class HumanInterface:
@@ -38,8 +49,9 @@ class HumanInterface:
 
     Args:
         poll: empties the event queue.
+        mode: how the condition is taught.
         title: of the phase.
-        count: drives of the whole course.
+        count: drives of the whole phase.
         now_ns, sleep_s: time itself; tests pass their own.
 
     Attributes:
@@ -55,6 +67,7 @@ class HumanInterface:
         poll: Callable[[], None],
         recorder: SessionRecorder,
         participant: str,
+        mode: TeachingMode,
         title: str,
         count: int,
         config: SessionConfig,
@@ -62,12 +75,12 @@ class HumanInterface:
         sleep_s: Callable[[float], None] = sleep,
     ) -> None:
         self._screen, self._device, self._poll = screen, device, poll
-        self._participant = participant
+        self._participant, self._mode = participant, mode
         self._title, self._count, self._config = title, count, config
         self._now_ns, self._sleep_s = now_ns, sleep_s
         self._clock = WallClock(config.pacing, poll, now_ns=now_ns, sleep_s=sleep_s)
         self._watch = PersonWatch(screen)
-        self._stage = PagePrompt(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
+        self._prompt = PagePrompt(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
         self._attempts = Attempts(
             screen=screen,
             device=device,
@@ -84,26 +97,31 @@ class HumanInterface:
         self.health: list[LoopHealth] = []
         self.rests_ns: list[int] = []
 
-    def drive(self, lesson: RoundDrive) -> Drove | None:
+    def drive(self, drive: RoundDrive) -> FinishedDrive | None:
         """Until an attempt is finished that the person wants to count; None to stop."""
-        number = lesson.number + 1
-        if lesson.before != self._told:
-            page = before_page(self._title, lesson.before, lesson.number, self._count)
+        number = drive.number + 1
+        if drive.failed is not None:
+            page = try_again_page(drive.failed, drive.tries_left, self._count)
             if self._ask(page, Act.CONFIRM) is Act.STOP:
                 return None
-            if lesson.hands is TeacherAction.TAKE_OVER and not self._button_heard(lesson):
+        live = make_live_round(drive, self._mode)
+        if live.before != self._told:
+            page = before_page(self._title, live.before, drive.number, self._count)
+            if self._ask(page, Act.CONFIRM) is Act.STOP:
                 return None
-            self._told = lesson.before
+            if live.hands is TeacherAction.TAKE_OVER and not self._button_heard(drive.number):
+                return None
+            self._told = live.before
         while True:
-            lesson.drive.begin(participant=self._participant, attempt=0)
+            live.drive.begin(participant=self._participant, attempt=0)
             self._clock.start()
-            self._show(lesson, 0.0)
-            if not self._stage.countdown(number, self._count, self._config.countdown_s):
+            self._show(live, 0.0)
+            if not self._prompt.countdown(number, self._count, self._config.countdown_s):
                 return None
             tried = self._attempts.run(
-                lesson.drive,
-                lambda fraction: self._show(lesson, fraction),
-                event=lambda: outcome_event(lesson.drive.outcome),
+                live.drive,
+                lambda fraction: self._show(live, fraction),
+                event=lambda: outcome_event(live.drive.outcome),
             )
             end = tried.end
             if tried.health is not None:
@@ -111,7 +129,7 @@ class HumanInterface:
             if end is DriveEnd.STOPPED:
                 return None
             if end is not DriveEnd.FINISHED:
-                if end is not DriveEnd.REDO and not self._attempts.pause(end, self._stage):
+                if end is not DriveEnd.REDO and not self._attempts.pause(end, self._prompt):
                     return None
                 continue
             if tried.failed:
@@ -121,42 +139,32 @@ class HumanInterface:
                     continue
                 if act is Act.STOP:
                     return None
-            return Drove(
-                rollout=lesson.drive.name,
-                attempt=tried.attempt,
-                outcome=lesson.drive.outcome,
-                seen=lesson.robot.seen,
-            )
+            return live.finished(tried.attempt)
 
-    def try_again(self, outcome: Outcome, left: int) -> bool:
-        """Say so; False to stop."""
-        page = try_again_page(outcome, left, self._count)
-        return self._ask(page, Act.CONFIRM) is not Act.STOP
-
-    def rest(self, number: int, outcome: Outcome, learn: Work, meanwhile: Work) -> Act:
+    def rest(self, number: int, outcome: Outcome, learn: Work, meanwhile: Work) -> AfterRest:
         """Show how far the robot has learnt; the person goes on only when it has."""
-        place = number + 1, self._count, outcome
-        learnt, began_ns = learnt_page(*place), self._now_ns()
+        about = number + 1, self._count, outcome
+        learnt, began_ns = learnt_page(*about), self._now_ns()
         try:
-            learn(self._ticker(lambda share: learning_page(*place, share), Act.REDO, Act.STOP))
+            learn(self._ticker(lambda share: learning_page(*about, share), Act.REDO, Act.STOP))
             self.rests_ns.append(self._now_ns() - began_ns)
             meanwhile(self._ticker(lambda share: learnt, Act.CONFIRM, Act.REDO, Act.STOP))
-        except Pressed as pressed:
-            return pressed.act
+        except _Pressed as pressed:
+            return _AFTER_REST[pressed.act]
         except SteerlabError as error:
             self._screen.show_page(error_page(str(error)))
             raise
-        return self._ask(learnt, Act.CONFIRM, Act.REDO)
+        return _AFTER_REST[self._ask(learnt, Act.CONFIRM, Act.REDO)]
 
     def wait(self, what: str, work: Work) -> bool:
         """Show how far it is; False to stop."""
         try:
             work(self._ticker(lambda share: waiting_page(what, share), Act.STOP))
-        except Pressed:
+        except _Pressed:
             return False
         return True
 
-    def _ticker(self, page: Callable[[float], Page], *wanted: Act) -> Tick:
+    def _ticker(self, page: Callable[[float], Page], *wanted: Act) -> Progress:
         """Looks at keys and wheel, and draws now and then."""
         self._watch.begin(self._device.read())
         self._shown_ns = 0
@@ -167,15 +175,15 @@ class HumanInterface:
             self._poll()
             for act in self._watch.acts(self._device.read()):
                 if act in wanted:
-                    raise Pressed(act)
+                    raise _Pressed(act)
             self._screen.show_page(page(share))
             self._shown_ns = self._now_ns()
 
         return tick
 
-    def _button_heard(self, lesson: RoundDrive) -> bool:
+    def _button_heard(self, done: int) -> bool:
         """Wait for the take-over button; False to stop."""
-        page = button_page(self._device.info.name, lesson.number, self._count)
+        page = button_page(self._device.info.name, done, self._count)
         while True:
             self._poll()
             sample = self._device.read()
@@ -187,13 +195,13 @@ class HumanInterface:
             self._sleep_s(PAGE_S)
 
     def _ask(self, page: Page, *wanted: Act) -> Act:
-        return self._stage.ask(lambda: page, {*wanted, Act.STOP})
+        return self._prompt.ask(lambda: page, {*wanted, Act.STOP})
 
-    def _show(self, lesson: RoundDrive, fraction: float) -> None:
+    def _show(self, live: LiveRound, fraction: float) -> None:
         self._attempts.show(
-            lesson.drive,
+            live.drive,
             fraction,
-            number=lesson.number + 1,
+            number=live.round_drive.number + 1,
             count=self._count,
-            instruction=lesson.during,
+            instruction=live.during,
         )

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from steerlab.study.protocol_error import ProtocolError
+from steerlab.sim.errors import InvalidValue
 
 TASKS = ("easy", "slalom", "hard")  # of ``sim.tasks``, whose import takes a second
 _GENERATED = re.compile(r"generated-\d{1,6}")
@@ -35,11 +35,11 @@ class TeachPlan:
     def __post_init__(self) -> None:
         if self.task not in TASKS and not _GENERATED.fullmatch(self.task):
             allowed = f"one of {', '.join(TASKS)}, or generated-<number> such as generated-3"
-            raise ProtocolError("task", self.task, allowed)
+            raise InvalidValue("task", self.task, allowed)
         if not 0.0 <= self.noise <= 2.5:
-            raise ProtocolError("noise", self.noise, "from 0 to 2.5, in wheel units")
+            raise InvalidValue("noise", self.noise, "from 0 to 2.5, in wheel units")
         if not 0.0 < self.rate < 1.0:
-            raise ProtocolError("rate", self.rate, "between 0 and 1")
+            raise InvalidValue("rate", self.rate, "between 0 and 1")
         for name, least in (
             ("learner_seed", 0),
             ("gradient_steps", 1),
@@ -48,4 +48,4 @@ class TeachPlan:
         ):
             if getattr(self, name) < least:
                 allowed = f"a whole number, at least {least}"
-                raise ProtocolError(name, getattr(self, name), allowed)
+                raise InvalidValue(name, getattr(self, name), allowed)

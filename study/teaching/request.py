@@ -5,12 +5,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
+from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.folder_lock import FolderLock
 from steerlab.study.contract import Phase
 from steerlab.study.protocol import StudyProtocol
 from steerlab.teleop.devices.contract import Device
 
 UNAVAILABLE = "not available in this version"
+
+
+class TeachingError(SteerlabError):
+    """A robot cannot be taught as asked; says why, and what is kept."""
 
 
 @dataclass(frozen=True, kw_only=True)

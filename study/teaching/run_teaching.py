@@ -4,26 +4,35 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from hashlib import sha256
 
+import numpy as np
+
 from steerlab.learning.agents.catalogue import baseline_of, make_agent
 from steerlab.learning.agents.contract import Agent
+from steerlab.learning.agents.learner import PolicyLearner
 from steerlab.learning.agents.task_env import TaskEnv
+from steerlab.learning.agents.teaching import (
+    BallNeverReached,
+    Judging,
+    RoundDiverged,
+    TeachingConfig,
+    TeachingLoop,
+    TeachingSpec,
+)
+from steerlab.learning.agents.teaching_contract import TeacherInterface
 from steerlab.learning.baselines.other_embedding import MeanEmbeddingMapper
 from steerlab.learning.checkpoint import load_mapper
 from steerlab.learning.mapper import LabelMapper
+from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingRows
 from steerlab.sim.tasks import make_task
 from steerlab.study.recording.session_recorder import STUDY_FILE, SessionInfo, SessionRecorder
 from steerlab.study.store.store import StudyStore
+from steerlab.study.store.teaching import read_taught
 from steerlab.study.teaching.conditions import TAUGHT
-from steerlab.study.teaching.errors import TeachingError
 from steerlab.study.teaching.human_interface import HumanInterface
-from steerlab.study.teaching.learning import warm_up
 from steerlab.study.teaching.pages import preparing_page
-from steerlab.study.teaching.request import TeachRequest
+from steerlab.study.teaching.request import TeachingError, TeachRequest
 from steerlab.study.teaching.scripted_interface import ScriptedInterface
-from steerlab.study.teaching.spec import TeachingSpec
-from steerlab.study.teaching.teacher_interface import TeacherInterface
-from steerlab.study.teaching.teaching_log import TeachingLog
-from steerlab.study.teaching.teaching_loop import TeachingLoop
+from steerlab.study.teaching.teaching_log import StudyTeachingLog
 from steerlab.teleop.devices.contract import Device, DeviceInfo, InputKind
 from steerlab.teleop.devices.open import open_device
 from steerlab.teleop.latency import input_latency_ms
@@ -44,47 +53,52 @@ def teach(request: TeachRequest) -> tuple[bool, str]:
     Raises:
         SteerlabError: see ``StudyTeaching``.
     """
-    room = _Classroom(request)
     device = request.device
     if isinstance(device, str) and device.partition(":")[0] in _UNATTENDED:
         device = open_device(device)
     with StudyStore.open(request.folder / STUDY_FILE) as store:
-        register = TeachingLog(request.folder, store, request.participant, request.phase.id)
-        role = store.participants()[request.participant]
+        teaching = _ConditionTeaching(request, store)
         if isinstance(device, str):
-            finished = room.attended(device, role, register)
+            finished = teaching.attended(device)
         else:
-            finished = room.unattended(device, role, register)
-        done = len(register.taught())
-    drives = room.rounds + 1
+            finished = teaching.unattended(device)
+        done = len(read_taught(store.connection, request.participant, request.phase.id))
+    drives = request.protocol.demonstrations + 1
     return finished, f"{'' if finished else 'stopped; '}{done} of {drives} drives taught"
 
 
-class _Classroom:
-    """What a course needs; made ready once somebody is there to wait for it."""
+class _ConditionTeaching:
+    """What it takes to teach one condition; made ready once somebody is there to wait for it."""
 
-    def __init__(self, request: TeachRequest) -> None:
-        self._request = request
+    def __init__(self, request: TeachRequest, store: StudyStore) -> None:
+        self._request, self._store = request, store
         assert request.phase.condition is not None
-        self._taught_by = TAUGHT[request.phase.condition]
-        self.rounds = request.protocol.demonstrations
+        self._condition = request.phase.condition
+        self._mode = TAUGHT[self._condition]
+        self._rounds = request.protocol.demonstrations
+        self._role = store.participants()[request.participant]
         self._agent, self._mapper_sha256 = _agent(request)
 
-    def unattended(self, device: Device, role: str, register: TeachingLog) -> bool:
+    def unattended(self, device: Device) -> bool:
         """By a script."""
         request = self._request
         device.connect()
         try:
-            with self._recorder(role, device.info, None) as recorder:
-                host = ScriptedInterface(
-                    device, recorder, request.participant, self.rounds, request.progress
+            with self._recorder(device.info, None) as recorder:
+                interface = ScriptedInterface(
+                    device,
+                    recorder,
+                    participant=request.participant,
+                    mode=self._mode,
+                    rounds=self._rounds,
+                    progress=request.progress,
                 )
-                with self._stage() as stage:
-                    return self._course(stage, register, host).run()
+                with self._env() as env:
+                    return self._teach(env, interface)
         finally:
             device.disconnect()
 
-    def attended(self, spec: str, role: str, register: TeachingLog) -> bool:
+    def attended(self, spec: str) -> bool:
         """By a person before a window."""
         request, protocol = self._request, self._request.protocol
         display = protocol.display
@@ -94,48 +108,73 @@ class _Classroom:
             try:
                 with open_screen(events, display.screen()) as screen:
                     screen.show_page(preparing_page())
-                    with self._stage() as stage:
-                        screen.enter(stage.task.world)  # measures how fast it can draw
+                    with self._env() as env:
+                        screen.enter(env.task.world)  # measures how fast it can draw
                         screen.show_page(preparing_page())
-                        with self._recorder(role, device.info, screen.resolution) as recorder:
-                            host = HumanInterface(
+                        with self._recorder(device.info, screen.resolution) as recorder:
+                            interface = HumanInterface(
                                 screen=screen,
                                 device=device,
                                 poll=events.poll,
                                 recorder=recorder,
                                 participant=request.participant,
+                                mode=self._mode,
                                 title=request.phase.title,
-                                count=self.rounds + 1,
+                                count=self._rounds + 1,
                                 config=self._session(),
                             )
-                            return self._course(stage, register, host).run()
+                            return self._teach(env, interface)
             finally:
                 device.disconnect()
 
     @contextmanager
-    def _stage(self) -> Iterator[TaskEnv]:
+    def _env(self) -> Iterator[TaskEnv]:
         plan = self._request.protocol.teaching
         task = make_task(plan.task, noise=plan.noise)
-        with TaskEnv(task, seed=plan.learner_seed) as stage:
-            warm_up(stage, self._agent)
-            yield stage
+        with TaskEnv(task, seed=plan.learner_seed) as env:
+            warm_up(env, self._agent)
+            yield env
 
-    def _course(
-        self, stage: TaskEnv, register: TeachingLog, host: TeacherInterface
-    ) -> TeachingLoop:
+    def _teach(self, env: TaskEnv, interface: TeacherInterface) -> bool:
+        """The loop, from wherever it was left; False if it was stopped."""
         request, plan = self._request, self._request.protocol.teaching
-        assert request.phase.condition is not None
-        subject = TeachingSpec(
-            condition=request.phase.condition,
-            taught_by=self._taught_by,
+        who = request.participant
+        starts = env.screened(plan.starts, "judge").starts
+        spec = TeachingSpec(
+            teacher=who,
             agent=self._agent,
-            plan=plan,
-            rounds=self.rounds,
-            seed=participant_seed(plan.learner_seed, request.participant),
-            starts=stage.screened(plan.starts, "judge").starts,
+            config=TeachingConfig(
+                rounds=self._rounds,
+                evaluate_every=1,
+                tries=plan.tries,
+                training=PolicyTrainingConfig(steps=plan.gradient_steps, rate=plan.rate),
+            ),
+            judging=Judging(on_the_way=starts, at_the_end=starts),
+            seed=participant_seed(plan.learner_seed, who),
+        )
+        log = StudyTeachingLog(
+            request.folder,
+            self._store,
+            env,
+            participant=who,
+            phase=request.phase.id,
+            condition=self._condition,
             mapper_sha256=self._mapper_sha256,
         )
-        return TeachingLoop(subject, stage, register, host)
+        try:
+            return TeachingLoop(spec, env, log, interface).run()
+        except BallNeverReached as error:
+            raise BallNeverReached(
+                f"{error} All of them are kept. Run the phase again for {plan.tries} more, after "
+                f"some practice; for participants yet to come a new version of the protocol may "
+                f"have less teaching.noise."
+            ) from error
+        except RoundDiverged as error:
+            raise TeachingError(
+                f"Round {error.round_number} of {who} cannot be learnt from: {error} The drive is "
+                f"kept and the robot is as it was before; run the phase again to drive this round "
+                f"anew. If that does not help, look at the labels, and at teaching.rate."
+            ) from error
 
     def _session(self) -> SessionConfig:
         protocol = self._request.protocol
@@ -145,17 +184,15 @@ class _Classroom:
             gates=protocol.gates,
         )
 
-    def _recorder(
-        self, role: str, device: DeviceInfo, resolution: Resolution | None
-    ) -> SessionRecorder:
+    def _recorder(self, device: DeviceInfo, resolution: Resolution | None) -> SessionRecorder:
         from steerlab.study.recording.viewer import ViewerProcess
 
         request, pacing = self._request, self._session().pacing
         plan = request.protocol.teaching
         settings = {
             **request.settings,
-            "condition": str(request.phase.condition),
-            "hands": self._taught_by.hands.value,
+            "condition": self._condition,
+            "hands": self._mode.hands.value,
             "task": plan.task,
             "noise": f"{plan.noise:g}",
             "learner_seed": str(plan.learner_seed),
@@ -171,7 +208,7 @@ class _Classroom:
             }
         info = SessionInfo(
             participant=request.participant,
-            role=role,
+            role=self._role,
             device=device,
             control_hz=pacing.control_hz,
             settings=settings,
@@ -184,6 +221,24 @@ class _Classroom:
             open_viewer=ViewerProcess if request.viewer else None,
             lock=request.lock,
         )
+
+
+def warm_up(env: TaskEnv, agent: Agent) -> None:
+    """Do once what takes seconds the first time: the person rests no longer for it.
+
+    Imports and compiles; nothing of it stays in the learner that is taught.
+    """
+    env.oracle(env.driving.state)
+    seen = env.look()
+    idle = PolicyLearner(
+        0,
+        members=agent.ensemble,
+        doubts=agent.doubts,
+        training=PolicyTrainingConfig(steps=2, batch_size=1),
+    )
+    rows = TrainingRows(seen, np.zeros(1), np.ones(1))
+    idle.act(seen)
+    idle.train([rows, rows])
 
 
 def participant_seed(learner_seed: int, participant: str) -> int:

@@ -8,7 +8,7 @@ class StudyTeaching:
     """Teaches any condition of ``conditions``; what is slow to import waits until then."""
 
     def teach(self, request: TeachRequest) -> TeachingResult:
-        """Teach; see ``classroom``.
+        """Teach; see ``run_teaching``.
 
         Raises:
             TeachingError: policies cannot be kept or read, or a drive cannot be learnt from.

@@ -9,8 +9,15 @@ from pathlib import Path
 import pyarrow as pa
 from safetensors import SafetensorError
 
+from steerlab.learning.agents.contract import Episode
+from steerlab.learning.agents.episode import decision_rows
+from steerlab.learning.agents.evaluation import DriveResult
+from steerlab.learning.agents.task_env import TaskEnv
+from steerlab.learning.agents.teaching_contract import FinishedDrive, KeptRound, RoundResult
 from steerlab.learning.policy import PolicyNetwork, load_policy, save_policy
+from steerlab.learning.policy_training import TrainingRows
 from steerlab.sim.files.whole_file import whole_file
+from steerlab.sim.live_teacher import DriveContext
 from steerlab.sim.rollout import Outcome
 from steerlab.study.frozen_files import MODELS
 from steerlab.study.store.records import Attempt, AttemptStatus
@@ -21,12 +28,13 @@ from steerlab.study.store.teaching import (
     Trial,
     insert_round,
     insert_trials,
-    read_occasion,
+    read_phase_run,
     read_targets,
     read_taught,
     read_tried,
 )
-from steerlab.study.teaching.errors import TeachingError
+from steerlab.study.teaching.episodes import episode_of, rerender_observations
+from steerlab.study.teaching.request import TeachingError
 
 POLICIES = f"{MODELS}/policies"
 """Folder of a study with every round's policy; erasing a participant finds them by their names."""
@@ -38,52 +46,116 @@ def outcome_event(outcome: Outcome) -> str:
     return f"{_OUTCOME}{outcome.value}"
 
 
-class TeachingLog:
-    """Reads and writes them; everything is on the disk when a method that writes returns.
+class StudyTeachingLog:
+    """A ``TeachingLog`` in a study; everything is on the disk when a method that writes returns.
 
-    Attributes:
-        occasion: how often the phase was reopened.
+    Args:
+        env: draws again what the robot saw in a drive.
+        mapper_sha256: of what maps the labels; None if nothing does.
     """
 
-    def __init__(self, folder: Path, store: StudyStore, participant: str, phase: str) -> None:
-        self._folder, self._store = folder, store
-        self.participant, self.phase = participant, phase
-        self.occasion, self._first = read_occasion(store.connection, participant, phase)
+    def __init__(
+        self,
+        folder: Path,
+        store: StudyStore,
+        env: TaskEnv,
+        *,
+        participant: str,
+        phase: str,
+        condition: str,
+        mapper_sha256: str | None,
+    ) -> None:
+        self._folder, self._store, self._env = folder, store, env
+        self._participant, self._phase, self._condition = participant, phase, condition
+        self._mapper_sha256 = mapper_sha256
+        self._phase_run, self._first = read_phase_run(store.connection, participant, phase)
 
-    def taught(self) -> list[TaughtRound]:
-        """Rounds that are done, in order."""
-        return read_taught(self._store.connection, self.participant, self.phase)
+    def next_drive(self, number: int) -> DriveContext:
+        """Named by phase, condition, task and round."""
+        name, mine = self._name(number), self._mine()
+        attempt = sum(one.rollout == name for one in mine)
+        return self._env.context(name, number=number, order=len(mine), attempt=attempt)
 
-    def tried(self) -> set[int]:
-        """Rounds whose policies were tried."""
-        return read_tried(self._store.connection, self.participant, self.phase)
-
-    def targets(self, taught: TaughtRound) -> StoredTargets:
-        """What was imitated in a round."""
-        return read_targets(self._store.connection, taught)
-
-    def attempts(self, rollout: str) -> int:
-        """How many attempts the participant made at a drive, whatever became of them."""
-        return sum(one.rollout == rollout for one in self._mine())
-
-    def left_over(self, rollout: str) -> tuple[Attempt, Outcome] | None:
-        """The last attempt at a drive, if it was finished, and how it ended.
+    def left_over(self, number: int) -> FinishedDrive | None:
+        """The last attempt at a round's drive, if it was finished.
 
         One that was finished before another was begun was to be done again, so it does not count.
         """
-        mine = [a for a in self._mine() if a.rollout == rollout and a.order_index >= self._first]
+        name = self._name(number)
+        mine = [a for a in self._mine() if a.rollout == name and a.order_index >= self._first]
         if mine and mine[-1].status is AttemptStatus.FINISHED:
             for event in self._store.events(mine[-1]):
                 if event.what.startswith(_OUTCOME):
-                    return mine[-1], Outcome(event.what.removeprefix(_OUTCOME))
+                    outcome = Outcome(event.what.removeprefix(_OUTCOME))
+                    return FinishedDrive(
+                        name=name,
+                        number=number,
+                        attempt=mine[-1].attempt,
+                        outcome=outcome,
+                        seen=None,
+                    )
         return None
 
-    def steps(self, rollout: str, attempt: int) -> pa.Table:
-        """The rows of an attempt."""
-        found = [one for one in self._mine() if (one.rollout, one.attempt) == (rollout, attempt)]
-        return self._store.steps(found[0])
+    def episode(self, drive: FinishedDrive) -> Episode:
+        """From the rows of the attempt; what was seen before this run is drawn again."""
+        steps = self._steps(drive.name, drive.attempt)
+        seen = drive.seen or rerender_observations(self._env, steps)
+        return episode_of(self._env, steps, seen, drive.outcome, drive.number)
 
-    def save(self, number: int, networks: Sequence[PolicyNetwork]) -> dict[str, str]:
+    def rounds(self) -> list[KeptRound]:
+        """Rounds that are done, in order."""
+        tried = read_tried(self._store.connection, self._participant, self._phase)
+        return [
+            KeptRound(
+                number=taught.round,
+                evaluated=taught.round in tried,
+                rows=lambda taught=taught: self._rows(taught),
+                networks=lambda taught=taught: self._load(taught),
+            )
+            for taught in self._taught()
+        ]
+
+    def keep(self, result: RoundResult, networks: Sequence[PolicyNetwork]) -> None:
+        """Policies first, then all that is known of the round at once: now it is done.
+
+        Raises:
+            TeachingError: the disk does not take the policies.
+        """
+        number, targets = result.round_number, result.targets
+        taught = TaughtRound(
+            participant=self._participant,
+            phase=self._phase,
+            phase_run=self._phase_run,
+            condition=self._condition,
+            round=number,
+            rollout=result.drive.name,
+            attempt=result.drive.attempt,
+            outcome=result.outcome,
+            labels_asked=result.labels_asked,
+            label_mae=result.label_mae,
+            given_mae=result.given_mae,
+            teacher_s=result.teacher_seconds,
+            switches=result.switches,
+            loss=result.loss,
+            training_s=result.training_s,
+            policies=self._save(number, networks),
+            mapper_sha256=self._mapper_sha256 if number else None,
+        )
+        rows = decision_rows(result.episode.rollout.steps)
+        stored = StoredTargets(rows, targets.target, targets.weight, targets.asked)
+        connection = self._store.connection
+        with connection.transaction(f"keep round {number} of {self._phase!r}", durable=True):
+            insert_round(connection, taught, stored)
+            insert_trials(connection, taught, _trials(result.drives))
+
+    def keep_drives(self, number: int, drives: Sequence[DriveResult]) -> None:
+        """Keep how a round's policy drove."""
+        (taught,) = (one for one in self._taught() if one.round == number)
+        connection = self._store.connection
+        with connection.transaction(f"keep trials of round {number}", durable=True):
+            insert_trials(connection, taught, _trials(drives))
+
+    def _save(self, number: int, networks: Sequence[PolicyNetwork]) -> dict[str, str]:
         """Write a round's policies.
 
         Returns:
@@ -93,7 +165,7 @@ class TeachingLog:
             TeachingError: the disk does not take them.
         """
         folder = self._folder / POLICIES
-        stem = f"{self.participant}-{self.phase}-{self.occasion}-r{number:02d}"
+        stem = f"{self._participant}-{self._phase}-{self._phase_run}-r{number:02d}"
         kept: dict[str, str] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -109,7 +181,7 @@ class TeachingLog:
             ) from error
         return kept
 
-    def load(self, taught: TaughtRound) -> list[PolicyNetwork]:
+    def _load(self, taught: TaughtRound) -> list[PolicyNetwork]:
         """A round's policies.
 
         Raises:
@@ -121,26 +193,38 @@ class TeachingLog:
             now = sha256(path.read_bytes()).hexdigest() if path.is_file() else "missing"
             if now != digest:
                 raise TeachingError(
-                    f"{path} is not the policy that round {taught.round} of {self.participant} "
+                    f"{path} is not the policy that round {taught.round} of {self._participant} "
                     f"left: its sha256 is {now}, it was {digest}. Restore it from the last copy of "
                     f"the study, or open the phase again with study redo."
                 )
             found.append(load_policy(path))
         return found
 
-    def keep(self, taught: TaughtRound, targets: StoredTargets, trials: Sequence[Trial]) -> None:
-        """Keep a round: it is done when this returns."""
-        connection = self._store.connection
-        act = f"keep round {taught.round} of {taught.phase!r}"
-        with connection.transaction(act, durable=True):
-            insert_round(connection, taught, targets)
-            insert_trials(connection, taught, trials)
+    def _rows(self, taught: TaughtRound) -> TrainingRows | None:
+        targets = read_targets(self._store.connection, taught)
+        kept = targets.weight > 0.0
+        if not kept.any():
+            return None
+        seen = rerender_observations(self._env, self._steps(taught.rollout, taught.attempt))
+        return TrainingRows(seen.take(kept), targets.target[kept], targets.weight[kept])
 
-    def keep_trials(self, taught: TaughtRound, trials: Sequence[Trial]) -> None:
-        """Keep how a round's policy drove."""
-        connection = self._store.connection
-        with connection.transaction(f"keep trials of round {taught.round}", durable=True):
-            insert_trials(connection, taught, trials)
+    def _steps(self, rollout: str, attempt: int) -> pa.Table:
+        found = [one for one in self._mine() if (one.rollout, one.attempt) == (rollout, attempt)]
+        return self._store.steps(found[0])
+
+    def _taught(self) -> list[TaughtRound]:
+        return read_taught(self._store.connection, self._participant, self._phase)
 
     def _mine(self) -> list[Attempt]:
-        return [one for one in self._store.attempts() if one.participant == self.participant]
+        return [one for one in self._store.attempts() if one.participant == self._participant]
+
+    def _name(self, number: int) -> str:
+        """Of a round's drive in the store."""
+        return f"{self._phase}-{self._condition}-{self._env.task.name}-r{number:02d}"
+
+
+def _trials(drives: Sequence[DriveResult]) -> list[Trial]:
+    return [
+        Trial(start=start, outcome=one.outcome, final_distance_m=one.final_distance_m)
+        for start, one in enumerate(drives)
+    ]

@@ -7,32 +7,12 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Literal, get_args
 
+from steerlab.sim.errors import InvalidValue
 from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.teleop.devices.contract import Button, DeviceError
+from steerlab.teleop.devices.contract import Button
 
 System = Literal["linux", "windows", "darwin"]
 SYSTEMS: tuple[str, ...] = get_args(System)
-
-
-class ProfileError(DeviceError):
-    """A wheel profile holds nonsense.
-
-    Attributes:
-        key: such as ``steering.axis``.
-        value: what it is.
-        allowed: what it may be.
-    """
-
-    def __init__(
-        self, key: str, value: object, allowed: str, *, file: str = "", line: int | None = None
-    ) -> None:
-        self.key, self.value, self.allowed = key, value, allowed
-        where = file and f"{file}{f', line {line}' if line else ''}: "
-        super().__init__(f"{where}{key} is {value!r}; it must be {allowed}.")
-
-    def at(self, file: str, line: int | None) -> "ProfileError":
-        """The same error, with its place."""
-        return ProfileError(self.key, self.value, self.allowed, file=file, line=line)
 
 
 def this_system() -> str:
@@ -54,21 +34,21 @@ class ProfileMatch:
     vendor: int
     products: tuple[int, ...]
     axes: int = 0
-    system: str
+    system: str = field(metadata={"key": "os"})
 
     def __post_init__(self) -> None:
         if self.guid and not re.fullmatch(r"[0-9a-f]{32}", self.guid):
-            raise ProfileError("match.guid", self.guid, "32 hexadecimal digits, or empty")
+            raise InvalidValue("guid", self.guid, "32 hexadecimal digits, or empty")
         if not 0 <= self.vendor <= 0xFFFF:
-            raise ProfileError("match.vendor", self.vendor, "a USB number from 0 to 0xffff")
+            raise InvalidValue("vendor", self.vendor, "a USB number from 0 to 0xffff")
         if not self.products or not all(0 <= one <= 0xFFFF for one in self.products):
-            raise ProfileError(
-                "match.products", list(self.products), "one or more USB numbers up to 0xffff"
+            raise InvalidValue(
+                "products", list(self.products), "one or more USB numbers up to 0xffff"
             )
         if not 0 <= self.axes <= 64:
-            raise ProfileError("match.axes", self.axes, "a number of axes from 0 to 64")
+            raise InvalidValue("axes", self.axes, "a number of axes from 0 to 64")
         if self.system not in SYSTEMS:
-            raise ProfileError("match.os", self.system, f"one of {', '.join(SYSTEMS)}")
+            raise InvalidValue("os", self.system, f"one of {', '.join(SYSTEMS)}")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -90,21 +70,21 @@ class SteeringAxis:
     dead_zone: float = 0.0
 
     def __post_init__(self) -> None:
-        _check_axis("steering.axis", self.axis)
+        _check_axis("axis", self.axis)
         if self.sign not in (-1, 1):
-            raise ProfileError("steering.sign", self.sign, "1 (grows to the left) or -1")
+            raise InvalidValue("sign", self.sign, "1 (grows to the left) or -1")
         for name in ("minimum", "centre", "maximum"):
-            _check_raw(f"steering.{name}", getattr(self, name))
+            _check_raw(name, getattr(self, name))
         if not self.minimum < self.centre < self.maximum:
-            raise ProfileError(
-                "steering.centre",
+            raise InvalidValue(
+                "centre",
                 self.centre,
                 f"between minimum {self.minimum:g} and maximum {self.maximum:g}",
             )
         nearest = min(self.maximum - self.centre, self.centre - self.minimum)
         if not 0.0 <= self.dead_zone <= 0.5 * nearest:
-            raise ProfileError(
-                "steering.dead_zone", self.dead_zone, f"from 0 to half of one side, {nearest / 2:g}"
+            raise InvalidValue(
+                "dead_zone", self.dead_zone, f"from 0 to half of one side, {nearest / 2:g}"
             )
 
     def wheel(self, raw: float) -> float:
@@ -129,7 +109,7 @@ class PedalAxis:
         _check_raw("rest", self.rest)
         _check_raw("pressed", self.pressed)
         if abs(self.pressed - self.rest) < 0.05:
-            raise ProfileError("pressed", self.pressed, f"0.05 or more from rest {self.rest:g}")
+            raise InvalidValue("pressed", self.pressed, f"0.05 or more from rest {self.rest:g}")
 
     def amount(self, raw: float) -> float:
         """0 at rest (and beyond), 1 when pressed."""
@@ -156,7 +136,7 @@ class Measured:
         for name in ("resolution", "rate_hz", "noise", "return_error"):
             value = getattr(self, name)
             if not (isfinite(value) and value >= 0.0):
-                raise ProfileError(f"measured.{name}", value, "a number that is not negative")
+                raise InvalidValue(name, value, "a number that is not negative")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,15 +160,15 @@ class WheelProfile:
 
     def __post_init__(self) -> None:
         if not self.name.strip() or not self.name.isprintable():
-            raise ProfileError("name", self.name, "a printable text that is not blank")
+            raise InvalidValue("name", self.name, "a printable text that is not blank")
         self._check_pedals()
         for button, number in self.buttons.items():
             if number < 0:
-                raise ProfileError(f"buttons.{button}", number, "a button's number, from 0")
+                raise InvalidValue(f"buttons.{button}", number, "a button's number, from 0")
         if len(set(self.buttons.values())) < len(self.buttons):
-            raise ProfileError("buttons", dict(self.buttons), "a different number for each")
+            raise InvalidValue("buttons", dict(self.buttons), "a different number for each")
         if self.calibrated and (self.measured is None or self.match.axes == 0):
-            raise ProfileError(
+            raise InvalidValue(
                 "calibrated", True, "false without match.axes and [measured], which the wizard adds"
             )
 
@@ -197,28 +177,28 @@ class WheelProfile:
         for name in ("steering", "throttle", "brake"):
             part = getattr(self, name)
             if part is not None and part.axis >= axes:
-                raise ProfileError(f"{name}.axis", part.axis, f"below match.axes, {axes}")
+                raise InvalidValue(f"{name}.axis", part.axis, f"below match.axes, {axes}")
             if name != "steering" and part is not None and part.axis == self.steering.axis:
-                raise ProfileError(f"{name}.axis", part.axis, "another axis than the steering's")
+                raise InvalidValue(f"{name}.axis", part.axis, "another axis than the steering's")
         throttle, brake = self.throttle, self.brake
         shared = throttle is not None and brake is not None and throttle.axis == brake.axis
         if shared != self.combined_pedals:
-            raise ProfileError(
+            raise InvalidValue(
                 "combined_pedals", self.combined_pedals, f"{str(shared).lower()} with these axes"
             )
         if throttle is not None and brake is not None and shared:
             ways = (throttle.pressed - throttle.rest) * (brake.pressed - brake.rest)
             if ways > 0.0:
-                raise ProfileError(
+                raise InvalidValue(
                     "brake.pressed", brake.pressed, "on the other side of rest than the throttle's"
                 )
 
 
 def _check_axis(key: str, axis: int) -> None:
     if not 0 <= axis < 64:
-        raise ProfileError(key, axis, "an axis number from 0 to 63")
+        raise InvalidValue(key, axis, "an axis number from 0 to 63")
 
 
 def _check_raw(key: str, value: float) -> None:
     if not (isfinite(value) and -1.0 <= value <= 1.0):
-        raise ProfileError(key, value, "a raw axis value from -1 to 1")
+        raise InvalidValue(key, value, "a raw axis value from -1 to 1")

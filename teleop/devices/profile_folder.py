@@ -12,6 +12,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from steerlab.sim.errors import SteerlabError
+from steerlab.sim.files.structured import utf8_text
 from steerlab.sim.files.whole_file import whole_file
 from steerlab.teleop.devices.contract import DeviceError
 from steerlab.teleop.devices.joystick import JoystickInfo
@@ -54,11 +55,12 @@ def user_profiles(folder: Path | None = None) -> list[StoredProfile]:
     """Those the wizard wrote, by file name; none if there is no such folder yet.
 
     Raises:
-        ProfileError: a file holds nonsense.
-        DeviceError: a file is no TOML, or cannot be read.
+        InvalidConfig: a file holds nonsense, is no TOML, or cannot be read.
     """
     folder = folder or user_profile_folder()
-    return [_read(path) for path in sorted(folder.glob("*.toml"))]
+    return [
+        _stored(utf8_text(path), str(path), shipped=False) for path in sorted(folder.glob("*.toml"))
+    ]
 
 
 def save_profile(profile: WheelProfile, folder: Path | None = None) -> Path:
@@ -115,14 +117,6 @@ def find_profile(
             if fitting:
                 return fitting[0]
     return None
-
-
-def _read(path: Path) -> StoredProfile:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DeviceError(f"{path} cannot be read: {error}. Remove it, or mend it.") from error
-    return _stored(text, str(path), shipped=False)
 
 
 def _stored(text: str, file: str, *, shipped: bool) -> StoredProfile:

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from steerlab.analysis.figures.synthetic import Demonstrators, ShownDrive, synthetic_figure
 from steerlab.analysis.fit_report import FitFigures, FitReport, LabelFacts, render_fit_report
-from steerlab.analysis.json_reader import InvalidSummary
 from steerlab.analysis.report import SimulationReport
+from steerlab.analysis.summary import InvalidSummary
 from steerlab.analysis.synthetic_report import (
     SyntheticFigures,
     SyntheticReport,

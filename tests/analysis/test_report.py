@@ -11,7 +11,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from steerlab.analysis.json_reader import InvalidSummary
 from steerlab.analysis.report import (
     LabelsCaption,
     ReportFigures,
@@ -19,6 +18,7 @@ from steerlab.analysis.report import (
     ladder_of,
     render_report,
 )
+from steerlab.analysis.summary import InvalidSummary
 from steerlab.analysis.wording import count, decimal, headline, percent, percent_range
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steerlab.analysis.json_reader import InvalidSummary
-from steerlab.analysis.summary import SplitSummary, StyleSummary, Summary
+from steerlab.analysis.summary import InvalidSummary, SplitSummary, StyleSummary, Summary
 from steerlab.learning.label_quality import label_quality
+from steerlab.sim.errors import InvalidConfig, InvalidValue
 
 finite = st.floats(-1e6, 1e6)
 shares = st.floats(0, 1)
@@ -104,42 +104,46 @@ def put(values: Any, place: str, value: Any) -> None:
 @pytest.mark.parametrize(
     ("place", "value", "message"),
     [
-        ("schema", 2, r"schema 2, this steerlab reads 1"),
-        ("schema", "1", r"schema is '1'; give a whole number"),
-        ("seed", 0.5, r"seed is 0.5; give a whole number"),
-        ("seed", True, r"seed is True; give a whole number"),
-        ("noise", None, r"noise is None; give a text"),
-        ("versions", [], r"versions is \[\]; give an object"),
-        ("versions.torch", 2, r"versions\.torch is 2; give a text"),
-        ("seconds.fit", "1 s", r"seconds\.fit is '1 s'; give a finite number"),
-        ("splits.new.people", 0, r"splits\.new: people is 0; a split has at least one"),
-        ("splits.new.mae_after", float("nan"), r"splits\.new\.mae_after is nan"),
-        ("splits.seen.ci95", [0.1], r"splits\.seen\.ci95 is \[0\.1\]; give a list of two numbers"),
-        ("splits.seen.ci95", [0.1, "x"], r"splits\.seen\.ci95\[1\] is 'x'"),
-        ("splits.seen.ci95", [0.7, 0.1], r"splits\.seen: ci95 .* give the lower limit first"),
-        ("splits.new.people_improved", 34, r"people_improved is 34.*share is in 0 to 1"),
-        ("splits.new.improvement", {"identity": 0}, r"not 'mind_meld'"),
-        ("splits.new.improvement.extra", 0.1, r"Methods differ between splits: \['extra'\]"),
-        ("splits.new.typo", 1, r"splits\.new has unknown \['typo'\]"),
-        ("splits.old", {}, r"splits\.old lacks 'people'"),
-        ("style.gain.probe_r2", "high", r"style\.gain\.probe_r2 is 'high'"),
-        ("left_out.no_embedding", 1, r"left_out\.no_embedding is 1; give a text"),
-        ("left_out.mind_meld", "why", r"'mind_meld' is judged and left out"),
-        ("extra", 1, r"The summary has unknown \['extra'\]"),
-        ("splits", {}, r"splits has \[\]; give \['new', 'seen'\]"),
-        ("noise", ["x" * 99], r"noise is \['x+\.\.\.; give a text"),
+        ("schema", 2, r"\$\.schema is 2; it must be 1, the only one that this steerlab reads"),
+        ("schema", "1", r"\$\.schema is '1'; it must be 1, "),
+        ("seed", 0.5, r"\$\.seed is 0\.5; it must be a whole number"),
+        ("seed", True, r"\$\.seed is True; it must be a whole number"),
+        ("noise", None, r"\$\.noise is None; it must be a text"),
+        ("versions", [], r"\$\.versions is \[\]; it must be a table"),
+        ("versions.torch", 2, r"\$\.versions\.torch is 2; it must be a text"),
+        ("seconds.fit", "1 s", r"\$\.seconds\.fit is '1 s'; it must be a finite number"),
+        ("splits.new.people", 0, r"\$\.splits\.new\.people is 0; it must be 1 or more"),
+        ("splits.new.mae_after", float("nan"), r"\$\.splits\.new\.mae_after is nan"),
+        (
+            "splits.seen.ci95",
+            [0.1],
+            r"\$\.splits\.seen\.ci95 is \[0\.1\]; .* a list of 2: a finite",
+        ),
+        ("splits.seen.ci95", [0.1, "x"], r"\$\.splits\.seen\.ci95\[1\] is 'x'; .*finite number"),
+        ("splits.seen.ci95", [0.7, 0.1], r"\$\.splits\.seen\.ci95 is .* the lower limit first"),
+        ("splits.new.people_improved", 34, r"new\.people_improved is 34.*a share, from 0 to 1"),
+        ("splits.new.improvement", {"identity": 0}, r"\$\.splits\.new\.improvement .*'mind_meld'"),
+        ("splits.new.improvement.extra", 0.1, r"\$\.splits is \['extra'\]; .*of both splits"),
+        ("splits.new.typo", 1, r"\$\.splits\.new\.typo is 1; it must be under one of .* people, "),
+        ("splits.old", {}, r"\$\.splits\.old\.people is missing; give a whole number"),
+        ("style.gain.probe_r2", "high", r"\$\.style\.gain\.probe_r2 is 'high'; .*finite number"),
+        ("left_out.no_embedding", 1, r"\$\.left_out\.no_embedding is 1; it must be a text"),
+        ("left_out.mind_meld", "why", r"\$\.left_out\.mind_meld is 'why'; .*not judged"),
+        ("extra", 1, r"\$\.extra is 1; it must be under one of the keys schema, seed, "),
+        ("splits", {}, r"\$\.splits is \[\]; it must be of new and seen"),
+        ("noise", ["x" * 99], r"\$\.noise is \['x+\.\.\.; it must be a text"),
     ],
 )
 def test_what_is_wrong_is_named(summary: Summary, place: str, value: object, message: str):
     values = json.loads(summary.to_json())
     put(values, place, value)
-    with pytest.raises(InvalidSummary, match=message):
+    with pytest.raises(InvalidValue, match=message):
         Summary.from_json(json.dumps(values))
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "null", '"summary"'])
+@pytest.mark.parametrize("text", ["", "{", '{"seed": 1, "seed": 2}', "[]", "null", '"summary"'])
 def test_a_text_that_is_no_summary(text: str):
-    with pytest.raises(InvalidSummary, match=r"no JSON|give an object"):
+    with pytest.raises(InvalidConfig, match=r"no JSON|must be a table"):
         Summary.from_json(text)
 
 
@@ -176,13 +180,13 @@ def test_a_median_person_without_error_is_said():
     )
 )
 def test_any_json_is_read_or_refused(value: object):
-    with pytest.raises(InvalidSummary):
+    with pytest.raises(InvalidValue):
         Summary.from_json(json.dumps(value))
 
 
 @pytest.mark.parametrize("name", ["mae_before", "person_median", "per_sample_percent"])
 def test_a_summary_holds_no_nan(summary: Summary, name: str):
-    with pytest.raises(InvalidSummary, match=f"{name} is nan"):
+    with pytest.raises(InvalidValue, match=f"{name} is nan"):
         replace(summary.splits["new"], **{name: math.nan})
-    with pytest.raises(InvalidSummary, match="spearman_new is inf"):
+    with pytest.raises(InvalidValue, match="spearman_new is inf"):
         StyleSummary(probe_r2=None, spearman_new=math.inf)

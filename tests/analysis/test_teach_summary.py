@@ -8,7 +8,7 @@ from PIL import Image
 from scipy.stats import wilcoxon
 
 from steerlab.analysis.figures.learners import learner_name
-from steerlab.analysis.json_reader import InvalidSummary
+from steerlab.analysis.summary import InvalidSummary
 from steerlab.analysis.teach_report import (
     TeachReport,
     headline,

@@ -15,6 +15,7 @@ import pytest
 import torch
 from PIL import Image
 
+from steerlab.analysis.study_data.conditions_file import left_out_teachers, read_conditions
 from steerlab.app import teach_worker
 from steerlab.app.cli import main
 from steerlab.app.teach import teach
@@ -27,7 +28,7 @@ from steerlab.app.teach_shards import (
     why_left_out,
 )
 from steerlab.app.teach_units import _keep
-from steerlab.learning.agents import BallNeverReached, Stage
+from steerlab.learning.agents import BallNeverReached, TaskEnv
 from steerlab.learning.checkpoint import save_mapper
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.policy import PolicyConfig, PolicyNetwork, pool_frame
@@ -36,8 +37,8 @@ from steerlab.learning.presets import LAB
 from steerlab.learning.windows import WindowConfig
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.files.run_folder import write_json
 from steerlab.sim.files.output_folder import OutputError
+from steerlab.sim.files.run_folder import write_json
 from steerlab.sim.populations import sample_population
 from steerlab.sim.tasks import draw_task_start
 
@@ -110,16 +111,16 @@ def test_what_the_page_shows_is_what_the_policy_saw(out):
     with Image.open(BytesIO(b64decode(frames[0]))) as image:
         first = pool_frame(np.asarray(image))
     start = draw_task_start(CONFIG.make_task(), "teach", 0, CONFIG.rounds)
-    with Stage(CONFIG.make_task(), seed=CONFIG.seed) as stage:
-        stage.driving.reset(start=start.pose)
-        assert (stage.look().image[0] == first).all()
+    with TaskEnv(CONFIG.make_task(), seed=CONFIG.seed) as env:
+        env.driving.reset(start=start.pose)
+        assert (env.look().image[0] == first).all()
 
 
 def test_fewer_learners_and_teachers_need_no_new_driving(out, mapper, tmp_path, monkeypatch):
     def never(self, unit, progress):
         raise AssertionError("nothing was missing")
 
-    monkeypatch.setattr(teach_worker.Workshop, "run", never)
+    monkeypatch.setattr(teach_worker.UnitRunner, "run", never)
     whole = json.loads((out / "summary.json").read_text())
     shutil.copytree(out, tmp_path / "out")
     part = _run(replace(CONFIG, learners=("hg-dagger", "dagger")), tmp_path / "out", mapper=mapper)
@@ -133,13 +134,13 @@ def test_learner_seeds_are_added_and_fewer_are_read_from_more(out, mapper, tmp_p
     shutil.copytree(out, tmp_path / "out")
     one = replace(CONFIG, teachers=1, learners=("dagger",))
     first = read_shard(tmp_path / "out" / "teachers" / "test-000.json")["conditions"]["dagger"]
-    real, seeds = teach_worker.teach, []
+    real, seeds = teach_worker.teach_offline, []
 
     def noted(*arguments, **options):
         seeds.append(options["seed"])
         return real(*arguments, **options)
 
-    monkeypatch.setattr(teach_worker, "teach", noted)
+    monkeypatch.setattr(teach_worker, "teach_offline", noted)
     more = _run(replace(one, learner_seeds=2), tmp_path / "out", mapper=mapper)
     assert seeds == [1]
     kept = read_shard(tmp_path / "out" / "teachers" / "test-000.json")["conditions"]["dagger"]
@@ -172,18 +173,18 @@ def test_who_is_left_out_depends_on_what_is_asked_of_them(learners, seeds, why):
 
 
 def test_an_interrupted_run_keeps_what_is_done_and_goes_on(out, tmp_path, monkeypatch):
-    real, taught = teach_worker.teach, []
+    real, taught = teach_worker.teach_offline, []
 
-    def stopped(stage, agent, *arguments, **options):
+    def stopped(env, agent, *arguments, **options):
         if len(taught) == 1:
             raise KeyboardInterrupt
         taught.append(agent.name)
-        return real(stage, agent, *arguments, **options)
+        return real(env, agent, *arguments, **options)
 
     folder = tmp_path / "out"
     alone = replace(CONFIG, teachers=1, learners=("dagger", "hg-dagger"))
     with monkeypatch.context() as patch:
-        patch.setattr(teach_worker, "teach", stopped)
+        patch.setattr(teach_worker, "teach_offline", stopped)
         with pytest.raises(KeyboardInterrupt):
             _run(alone, folder)
     kept = folder / "teachers" / "test-000.json"
@@ -211,14 +212,21 @@ def test_so_is_one_of_an_earlier_version(out, mapper, tmp_path):
 def test_whoever_is_lost_is_not_asked_again_for_every_learner(tmp_path, monkeypatch):
     asked = []
 
-    def lost(stage, teacher, config, *, seed):
+    def lost(env, teacher, config, *, seed):
         asked.append(teacher.name)
         raise BallNeverReached(f"{teacher.name} did not reach the ball")
 
-    monkeypatch.setattr(teach_worker, "demonstrate", lost)
+    monkeypatch.setattr(teach_worker, "demonstrate_offline", lost)
     with pytest.raises(ValueError, match="No teacher could be judged"):
         _run(replace(CONFIG, learners=("bc", "dagger"), learner_seeds=3), tmp_path / "out")
     assert asked == ["test-000", "test-001"]
+
+
+def test_what_a_run_keeps_is_read_by_whoever_analyses_it(out):
+    found = {(one.person, one.condition) for one in read_conditions(out)}
+    teachers = [path.stem for path in (out / "teachers").iterdir()]
+    assert found == {(who, name) for who in teachers for name in CONFIG.learners}
+    assert left_out_teachers(out) == ()
 
 
 def test_units_that_were_under_way_say_it_once(tmp_path):
@@ -227,26 +235,26 @@ def test_units_that_were_under_way_say_it_once(tmp_path):
     for learner in ("bc", "dagger"):
         unit = teach_worker.Unit(teacher=teacher, learner=learner, seed=0)
         lost = {"failed_demonstrations": None, "result": None, "left_out": "no ball"}
-        _keep(teach_worker.Taught(unit=unit, **lost), tmp_path)
+        _keep(teach_worker.TaughtUnit(unit=unit, **lost), tmp_path)
     shard = read_shard(tmp_path / "teachers" / f"{teacher.name}.json")
     assert shard["left_out"] == [{"seed": 0, "learner": None, "why": "no ball"}]
 
 
-def _lost(stage, teacher, config, *, seed):
+def _lost(env, teacher, config, *, seed):
     raise BallNeverReached(f"{teacher.name} did not reach the ball")
 
 
 def test_whoever_never_reaches_the_ball_is_left_out(out, mapper, tmp_path, monkeypatch):
     shutil.copytree(out, tmp_path / "out")
     (tmp_path / "out" / "teachers" / "test-000.json").unlink()
-    monkeypatch.setattr(teach_worker, "demonstrate", _lost)
+    monkeypatch.setattr(teach_worker, "demonstrate_offline", _lost)
     summary = _run(CONFIG, tmp_path / "out", mapper=mapper)
     assert summary["teachers"] == 1
     assert "did not reach the ball" in summary["left_out"]["test-000"]
 
 
 def test_if_nobody_reaches_the_ball_the_command_says_so(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(teach_worker, "demonstrate", _lost)
+    monkeypatch.setattr(teach_worker, "demonstrate_offline", _lost)
     arguments = ["--learners", "dagger", "--teachers", "2", "--rounds", "1", "--task", "easy"]
     assert main(["teach", *arguments, "--out", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
@@ -264,7 +272,7 @@ def test_a_loss_that_is_no_number_leaves_the_others_as_they_are(out, mapper, tmp
     def diverged(*arguments, **options):
         raise TrainingDiverged("The policy's loss is nan at step 3")
 
-    monkeypatch.setattr(teach_worker, "teach", diverged)
+    monkeypatch.setattr(teach_worker, "teach_offline", diverged)
     summary = _run(CONFIG, tmp_path / "out", mapper=mapper)
     assert "hg-dagger, learner seed 0: The policy's loss is nan" in summary["left_out"]["test-001"]
     assert summary["teachers"] == 1

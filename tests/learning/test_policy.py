@@ -8,11 +8,12 @@ from steerlab.learning.policy import (
     Observations,
     PolicyConfig,
     PolicyNetwork,
+    decide,
+    hidden_features,
     load_policy,
     pool_frame,
     save_policy,
 )
-from steerlab.learning.policy_inference import decide
 from steerlab.learning.policy_training import (
     PolicyTrainingConfig,
     TrainingDiverged,
@@ -58,6 +59,31 @@ def test_an_ablation_does_not_read_what_it_must_not(seen):
         network = _network(inputs)
         assert (decide(network, seen) == decide(network, same)).all()
         assert (decide(network, seen) != decide(network, differs)).any()
+
+
+def test_other_rows_change_a_decision_by_rounding_alone(seen):
+    network = _network()
+    together = decide(network, seen)
+    alone = [decide(network, seen.take(np.array([row])))[0] for row in range(ROWS)]
+    np.testing.assert_allclose(alone, together, atol=2e-6)
+    backwards = decide(network, seen.take(np.arange(ROWS)[::-1]))
+    np.testing.assert_allclose(backwards[::-1], together, atol=2e-6)
+
+
+def test_the_features_are_those_that_the_wheel_is_read_from(seen):
+    network = _network()
+    features = torch.from_numpy(hidden_features(network, seen)).float()
+    wheel = network.wheel(features).squeeze(1).detach().numpy()
+    np.testing.assert_allclose(
+        wheel.clip(-WHEEL_LIMIT, WHEEL_LIMIT), decide(network, seen), atol=2e-6
+    )
+
+
+def test_not_a_number_stays_one(seen):
+    network = _network()
+    with torch.no_grad():
+        next(network.image.parameters())[0, 0, 0, 0] = float("nan")
+    assert np.isnan(decide(network, seen)).all()
 
 
 def test_training_fits_and_repeats_bit_for_bit(seen):
@@ -134,9 +160,9 @@ def test_other_files_are_no_policies(tmp_path):
         load_policy(tmp_path / "bad.safetensors")
 
 
-@pytest.mark.parametrize("sizes", [{"channels": (16, 30, 32)}, {"hidden": 4}, {"channels": (8, 8)}])
-def test_sizes_that_the_kernels_cannot_tile_are_refused(sizes):
-    with pytest.raises(InvalidConfig, match="multiples of 8"):
+@pytest.mark.parametrize("sizes", [{"channels": (16, 0, 32)}, {"hidden": 0}, {"channels": (8, 8)}])
+def test_sizes_that_are_none_are_refused(sizes):
+    with pytest.raises(InvalidConfig, match="all positive"):
         PolicyConfig(**sizes)
 
 

@@ -33,9 +33,16 @@ def test_same_seed_same_bits_and_no_global_state(windows):
     torch.random.set_rng_state(before)
 
 
-def test_the_number_of_threads_changes_no_bit(windows):
-    one, three = trained_bits(windows, 7), trained_bits(windows, 7, threads=3)
-    assert all(torch.equal(a, b) for a, b in zip(one, three, strict=True))
+def test_with_several_threads_it_repeats_as_well(windows):
+    one, two = (trained_bits(windows, 7, threads=3) for _ in range(2))
+    assert all(torch.equal(a, b) for a, b in zip(one, two, strict=True))
+
+
+def test_the_callers_threads_change_no_bit(windows):
+    one = trained_bits(windows, 7)
+    with torch_threads(3):
+        two = trained_bits(windows, 7)
+    assert all(torch.equal(a, b) for a, b in zip(one, two, strict=True))
 
 
 @pytest.mark.parametrize("config", [SHORT, replace(SHORT, mirror=False, huber=None, cosine=False)])

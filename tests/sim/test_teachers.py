@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig, SteerlabError
 from steerlab.sim.populations import sample_population
-from steerlab.sim.rollout import FloatArray, Rollout
+from steerlab.sim.rollout import Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherNotReady, TeacherStyle
 from steerlab.sim.teachers import Teacher
 from steerlab.sim.vehicle import WHEEL_LIMIT

@@ -3,6 +3,7 @@
 import shutil
 import signal
 import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -120,7 +121,7 @@ class TestInAWindow:
         assert "display has gone away" in err
         (lost,) = attempts(tmp_path / "study")
         assert lost.status is not AttemptStatus.FINISHED
-        with sqlite3.connect(tmp_path / "study" / "study.db") as database:
+        with closing(sqlite3.connect(tmp_path / "study" / "study.db")) as database:
             assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
             (steps,) = database.execute("SELECT count(*) FROM steps").fetchone()
         assert steps >= 25  # 90 frames are 30 steps, and the countdown's frame is one of them

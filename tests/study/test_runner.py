@@ -264,7 +264,6 @@ def test_a_second_run_is_refused_with_the_pid_of_the_first_and_a_dead_one_is_tak
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from steerlab.sim import store_people
 from steerlab.study.recording.writer import AttemptWriter
 from steerlab.study import models, pages, runner
 from steerlab.study.runner import RunConfig

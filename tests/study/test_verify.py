@@ -3,9 +3,9 @@
 import pytest
 
 from steerlab.study.contract import Role
-from steerlab.study.store.audit import read_sealed
-from steerlab.study.store.events import Flag
-from steerlab.study.store.schema import connect
+from steerlab.study.store.audit import read_audit
+from steerlab.study.store.connection import connect
+from steerlab.study.store.records import Flag
 from steerlab.study.study import Study
 
 
@@ -53,7 +53,7 @@ def test_an_edited_audit_is_found(done, edit):
 
 def test_a_shortened_audit_is_found_by_a_head_that_was_kept(done):
     head = done.verify().head
-    assert head == read_sealed(done._opened.store.connection.sqlite)[-1].sha256
+    assert head == read_audit(done._opened.store.connection.sqlite)[-1].sha256
     done.note(None, "later")
     assert "Audit" not in bad(done, expected_head=head)
     tamper(done, "DELETE FROM audit WHERE id > 5", "DELETE FROM responses")
@@ -67,7 +67,7 @@ def test_a_shortened_audit_is_found_by_a_head_that_was_kept(done):
         ("UPDATE responses SET participant = 'T002' WHERE id = 1", "differ from what the audit"),
         ("DELETE FROM responses WHERE id = 1", "1 are gone"),
         (
-            "INSERT INTO responses SELECT 999, participant, phase, round, questionnaire, item, "
+            "INSERT INTO responses SELECT 999, participant, phase, phase_run, questionnaire, item, "
             "'7', at_utc, nonce FROM responses WHERE id = 1",
             "differ from what the audit sealed",
         ),
@@ -111,7 +111,7 @@ def test_an_order_that_the_seed_does_not_give_is_found(done):
     assert "Condition orders" not in bad(done)
     tamper(
         done,
-        """UPDATE enrolments SET orders = '["x", "y", "z"]' WHERE participant = 'P001'""",
+        """UPDATE enrolments SET condition_order = '["x", "y", "z"]' WHERE participant = 'P001'""",
     )
     assert "P001 have another order" in bad(done)["Condition orders"]
 
@@ -125,8 +125,8 @@ def test_different_devices_in_one_role_are_found(done):
     tamper(
         done,
         "INSERT INTO sessions SELECT 'x', participant, started_utc, 'keyboard', device_name, "
-        "device_guid, profile_sha256, force_feedback, device_details, screen_width_px, "
-        "screen_height_px, display_hz, control_hz, input_latency_ms, settings, steerlab_version, "
+        "device_guid, profile_sha256, force_feedback, device_details, screen_px, "
+        "display_hz, control_hz, input_latency_ms, settings, steerlab_version, "
         "environment FROM sessions",
     )
     assert "keyboard, scripted" in bad(done)["Devices"]
@@ -135,7 +135,7 @@ def test_different_devices_in_one_role_are_found(done):
 
 
 def test_flagged_attempts_are_listed(done, monkeypatch):
-    flags = [Flag(name="overrun_share", value=0.2, limit=0.001)]
+    flags = [Flag(name="overrun_share", value=0.2, bound=0.001)]
     monkeypatch.setattr(done._opened.store, "flags", lambda attempt: flags)
     assert "could not keep time in calibration-05 (overrun_share)" in bad(done)["T001"]
     timing = [one for one in done.findings("T001") if one.what == "Timing"]
@@ -213,7 +213,7 @@ def test_a_consent_text_that_nobody_wrote_is_told(done, folder, change):
 
 def test_a_protocol_that_cannot_be_read_is_a_finding(study, folder, change):
     change(folder, ('key = "bc"', 'key = "bcc"'))
-    assert "conditions[2].key is 'bcc'" in bad(study)["Protocol"]
+    assert "$.conditions[1].key is 'bcc'" in bad(study)["Protocol"]
 
 
 def test_verify_changes_nothing(done, folder):

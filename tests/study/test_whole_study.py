@@ -8,9 +8,10 @@ import pytest
 from steerlab.app.cli import main
 from steerlab.study.contract import Role, StudyError
 from steerlab.study.scripted import ScriptedParticipant
-from steerlab.study.store.events import Flag
+from steerlab.study.store.connection import connect
 from steerlab.study.store.frozen import read_embeddings
-from steerlab.study.store.schema import STORE_VERSION, connect
+from steerlab.study.store.records import Flag
+from steerlab.study.store.schema import STORE_VERSION
 from steerlab.study.store.teaching import read_teaching_rounds
 from steerlab.study.study import Study
 
@@ -24,7 +25,7 @@ def steerlab(capsys, *arguments: object, code: int = 0) -> str:
 
 def _flagged_everywhere(folder, monkeypatch, who):
     """How many attempts ``verify`` would name if the computer had never kept time."""
-    flags = [Flag(name="overrun_share", value=0.2, limit=0.001)]
+    flags = [Flag(name="overrun_share", value=0.2, bound=0.001)]
     with monkeypatch.context() as patch, Study.open(folder, read_only=True) as study:
         patch.setattr(study._opened.store, "flags", lambda attempt: flags)
         (found,) = [one.found for one in study.verify().findings if one.what == who and not one.ok]
@@ -118,7 +119,7 @@ def test_the_verbs_of_a_study(tmp_path, capsys):
 def test_what_cannot_be_used_is_told_in_a_sentence_by_every_verb(folder, capsys, change):
     change(folder, ('key = "bc"', 'key = "bcc"'))
     said = steerlab(capsys, "enrol", folder, "--role", "test", code=2)
-    assert "study.toml, line 22: conditions[2].key is 'bcc'; it must be one of" in said
+    assert "study.toml, line 22: $.conditions[1].key is 'bcc'; it must be one of" in said
     change(folder, ('key = "bcc"', 'key = "bc"'))
     steerlab(capsys, "enrol", folder, "--role", "test")
     other = connect(folder / "study.db", read_only=False)
@@ -130,10 +131,12 @@ def test_what_cannot_be_used_is_told_in_a_sentence_by_every_verb(folder, capsys,
         ["enrol", "--role", "test"],
         ["run", "--participant", "P001"],
     ):
-        assert "Upgrade steerlab" in steerlab(capsys, act[0], folder, *act[1:], code=2)
+        assert "was made by another version of steerlab" in steerlab(
+            capsys, act[0], folder, *act[1:], code=2
+        )
     assert main(["console", str(folder), "--port", "0"]) == 2
     said = capsys.readouterr()
-    assert "Upgrade steerlab" in said.err
+    assert "was made by another version of steerlab" in said.err
     assert "Traceback" not in said.out + said.err
     assert not (folder / "console.lock").exists()
 

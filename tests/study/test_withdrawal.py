@@ -12,8 +12,8 @@ from steerlab.study import withdrawal
 from steerlab.study.contract import Role, Standing, StudyError
 from steerlab.study.models import frozen_model
 from steerlab.study.store.erasure import scrub
+from steerlab.study.store.errors import StoreError
 from steerlab.study.store.frozen import read_embeddings
-from steerlab.study.store.schema import StoreError
 from steerlab.study.study import Study
 
 SECRET = "Quokka-of-Rottnest"
@@ -217,13 +217,13 @@ def test_an_erasure_that_was_cut_off_is_told_and_finished_by_saying_it_again(
 
 
 def test_a_reader_that_holds_the_old_pages_is_told(study, folder, at_about_you, monkeypatch):
-    from steerlab.study.store import schema as store_schema
+    from steerlab.study.store import connection as store_connection
 
-    monkeypatch.setattr(store_schema, "BUSY_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(store_connection, "BUSY_TIMEOUT_S", 0.05)
     study.close()
     with Study.open(folder) as study:
         study.note(at_about_you, SECRET)
-        reader = store_schema.connect(folder / "study.db", read_only=True)
+        reader = store_connection.connect(folder / "study.db", read_only=True)
         reader.execute("BEGIN")
         reader.execute("SELECT count(*) FROM notes").fetchone()
         with pytest.raises(StoreError, match="traces of what was erased remain"):

@@ -16,23 +16,30 @@ from time import sleep
 
 import numpy as np
 from before_screen import sit_before  # pyright: ignore[reportMissingImports]
-from teaching.conftest import short_task  # pyright: ignore[reportMissingImports]
 from virtual_person import NAME, Person  # pyright: ignore[reportMissingImports]
 
 from steerlab.app import loop_check
 from steerlab.app.cli import main
+from steerlab.learning.agents.drive import Robot
 from steerlab.sim.errors import NoPath
 from steerlab.sim.ground_truth import Planner
-from steerlab.sim.tasks import make_task
+from steerlab.sim.tasks import Task, make_task
 from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.study.teaching import run_teaching as classroom
+from steerlab.study.teaching import run_teaching
 from steerlab.study.teaching.human_interface import HumanInterface
-from steerlab.study.teaching.robot import Robot
 from steerlab.teleop.devices.contract import Button, DeviceError
 from steerlab.teleop.devices.profile_folder import save_profile
 from steerlab.teleop.sdl import pygame
 
 TAKE_OVER = 4  # the button's number
+
+
+def short_task(name: str, *, noise: float) -> Task:
+    """The world of a few metres that tests of teaching have; a program finds them by itself."""
+    sys.path.append(str(Path(__file__).parents[1] / "study" / "teaching"))
+    import conftest  # pyright: ignore[reportMissingImports]
+
+    return conftest.short_task(name, noise=noise)
 
 
 class TeachingPerson(Person):
@@ -107,19 +114,19 @@ def run(folder: Path, plan: dict, arguments: list[str]) -> int:
     profile = loop_check.virtual_profile(person.wheel).profile
     save_profile(replace(profile, name=NAME, buttons={Button.TAKE_OVER: TAKE_OVER}))
 
-    sit_before(person, classroom)
+    sit_before(person, run_teaching)
     if plan.get("short"):
-        classroom.make_task = short_task
-    hosts, robots = _kept(HumanInterface), _kept(Robot)
+        run_teaching.make_task = short_task
+    interfaces, robots = _kept(HumanInterface), _kept(Robot)
     code = main(arguments)
     decided = [ns for robot in robots for ns in robot.decision_ns] or [0]
     measured = {
         "decision_ms": [float(np.percentile(decided, p)) / 1e6 for p in (50, 99, 100)],
-        "rest_s": [ns / 1e9 for host in hosts for ns in host.rests_ns],
-        "lateness_p99_ms": [one.lateness_p99_ms for host in hosts for one in host.health],
-        "frame_p99_ms": [one.frame_p99_ms for host in hosts for one in host.health],
-        "dropped": [one.dropped / max(1, one.frames + one.dropped)
-                    for host in hosts for one in host.health],
+        "rest_s": [ns / 1e9 for one in interfaces for ns in one.rests_ns],
+        "lateness_p99_ms": [health.lateness_p99_ms for one in interfaces for health in one.health],
+        "frame_p99_ms": [health.frame_p99_ms for one in interfaces for health in one.health],
+        "dropped": [health.dropped / max(1, health.frames + health.dropped)
+                    for one in interfaces for health in one.health],
     }  # fmt: skip
     print("measured", json.dumps(measured), flush=True)
     return code

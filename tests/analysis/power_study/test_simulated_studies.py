@@ -23,8 +23,8 @@ from steerlab.analysis.power_study.simulated_studies import (
     simulate_outcomes,
 )
 from steerlab.analysis.statistics.multiple_correlation import multiple_correlation
-from steerlab.analysis.statistics.ranked_conditions import friedman
-from steerlab.analysis.statistics.sample_power import multiple_power
+from steerlab.analysis.statistics.noncentral import multiple_power
+from steerlab.analysis.statistics.omnibus import friedman
 from steerlab.sim.errors import InvalidConfig
 
 ALPHA = 0.05

@@ -87,13 +87,6 @@ items <- cbind(likert_x, likert_y, pmax(1, pmin(7, likert_x + sample(-1:2, n, TR
 colnames(items) <- paste0("i", 1:4)
 invisible(capture.output(quietly({a3 <- psych::alpha(items[, 1:3]); a4 <- psych::alpha(items)})))
 
-# Power as in Cohen (1988, section 12.7); pwr::pwr.r.test is the same arithmetic.
-power_r <- function(r, n, alpha = 0.05) {
-  t <- qt(alpha / 2, n - 2, lower.tail = FALSE); zc <- atanh(sqrt(t^2 / (t^2 + n - 2)))
-  z <- atanh(r) + r / (2 * (n - 1))
-  pnorm((z - zc) * sqrt(n - 3)) + pnorm((-z - zc) * sqrt(n - 3))
-}
-
 cat(json(list(
   data = list(x = x, y = y, cone = cone, cone_y = cone_y, skewed = skewed, likert_x = likert_x,
               likert_y = likert_y, small_x = small_x, small_y = small_y, embedding = embedding,
@@ -132,7 +125,5 @@ cat(json(list(
   mixed_flat = list(coefficients = v(cf[, 1]), errors = v(cf[, 2]), person_sd = vf$sdcor[1], residual_sd = vf$sdcor[2]),
   alpha = list(three = a3$total$raw_alpha, four = a4$total$raw_alpha,
                three_interval = v(c(a3$feldt$lower.ci, a3$feldt$upper.ci)),
-               four_interval = v(c(a4$feldt$lower.ci, a4$feldt$upper.ci))),
-  power = list(r = c(.1, .3, .465, -.69), n = c(34, 85, 34, 12),
-               power = mapply(function(r, n) power_r(abs(r), n), c(.1, .3, .465, -.69), c(34, 85, 34, 12)))
+               four_interval = v(c(a4$feldt$lower.ci, a4$feldt$upper.ci)))
 )), "\n")

@@ -3,15 +3,12 @@
 import numpy as np
 import pytest
 
-from steerlab.analysis.statistics.assumptions import score_test, shapiro_wilk
 from steerlab.analysis.statistics.corrections import benjamini_hochberg, holm
-from steerlab.analysis.statistics.correlation import pearson, spearman
+from steerlab.analysis.statistics.correlation import pearson, score_test, shapiro_wilk, spearman
 from steerlab.analysis.statistics.mixed_model import mixed_model
 from steerlab.analysis.statistics.multiple_correlation import multiple_correlation
+from steerlab.analysis.statistics.omnibus import cochran_q, friedman, repeated_measures
 from steerlab.analysis.statistics.paired import mcnemar, wilcoxon
-from steerlab.analysis.statistics.power import correlation_power
-from steerlab.analysis.statistics.ranked_conditions import cochran_q, friedman
-from steerlab.analysis.statistics.repeated_measures import repeated_measures
 from steerlab.analysis.statistics.two_groups import hotelling_t2, welch_t
 
 
@@ -181,9 +178,3 @@ def test_mixed_model_of_people_who_do_not_differ(r_values):
     assert [one.estimate for one in found.coefficients] == close(r["coefficients"])
     assert [one.error for one in found.coefficients] == close(r["errors"])
     assert (found.person_sd, found.residual_sd) == close((r["person_sd"], r["residual_sd"]))
-
-
-def test_power(r_values):
-    r = r_values["power"]
-    found = [correlation_power(one, int(n)) for one, n in zip(r["r"], r["n"], strict=True)]
-    assert found == close(r["power"])

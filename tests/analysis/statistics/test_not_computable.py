@@ -9,16 +9,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steerlab.analysis.statistics.assumptions import score_test, shapiro_wilk
-from steerlab.analysis.statistics.bootstrap import bootstrap_interval
-from steerlab.analysis.statistics.correlation import pearson, spearman
+from steerlab.analysis.statistics.bootstrap import resample_counts
+from steerlab.analysis.statistics.correlation import (
+    paper_correlation,
+    pearson,
+    score_test,
+    shapiro_wilk,
+    spearman,
+)
 from steerlab.analysis.statistics.mixed_model import mixed_model
 from steerlab.analysis.statistics.multiple_correlation import multiple_correlation
+from steerlab.analysis.statistics.omnibus import cochran_q, friedman, repeated_measures
 from steerlab.analysis.statistics.outcome import NotComputable
 from steerlab.analysis.statistics.paired import mcnemar, wilcoxon
-from steerlab.analysis.statistics.paper_switch import paper_correlation
-from steerlab.analysis.statistics.ranked_conditions import cochran_q, friedman
-from steerlab.analysis.statistics.repeated_measures import repeated_measures
 from steerlab.analysis.statistics.two_groups import hotelling_t2, welch_t
 from steerlab.sim.errors import InvalidConfig
 
@@ -111,15 +114,6 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
         lambda: mixed(UNEVEN, np.tile([0.0, 1.0], 4), np.repeat(RISING[:2], 4)),
         "people: 2",
     ),
-    "bootstrap, three": (lambda: bootstrap_interval(RISING[:3], np.mean, rng=rng()), "people: 3"),
-    "bootstrap, constant": (
-        lambda: bootstrap_interval(SAME, np.mean, rng=rng()),
-        "the statistic is the same whoever is left out",
-    ),
-    "bootstrap, the largest": (
-        lambda: bootstrap_interval(RISING, lambda one: float("nan"), rng=rng()),
-        "not defined",
-    ),
 }
 
 
@@ -153,7 +147,7 @@ def test_where_an_interval_is_missing_the_test_is_still_there():
         lambda: cochran_q(np.full((8, 3), 2.0), rng=rng()),
         lambda: mcnemar(RISING, UNEVEN),
         lambda: multiple_correlation(UNEVEN[:, None], RISING, rng=rng(), permutations=9),
-        lambda: bootstrap_interval(RISING, np.mean, rng=rng(), resamples=10),
+        lambda: resample_counts(8, 10, rng()),
         lambda: hotelling_t2(UNEVEN[:, None], np.arange(8), rng=rng()),
     ],
 )
@@ -190,5 +184,4 @@ def test_no_answers_give_nan(x, y):
     found.append(
         hotelling_t2(table[:, :2], np.arange(size) < size // 2, rng=rng(), permutations=19)
     )
-    found.append(bootstrap_interval(x, lambda one: float(np.median(one)), **few))
     assert all(_finite(one) for one in found)

@@ -9,13 +9,11 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from steerlab.analysis.statistics.correlation import pearson, spearman
+from steerlab.analysis.statistics.correlation import paper_correlation, pearson, spearman
 from steerlab.analysis.statistics.mixed_model import mixed_model
 from steerlab.analysis.statistics.multiple_correlation import multiple_correlation
+from steerlab.analysis.statistics.omnibus import cochran_q, friedman, repeated_measures
 from steerlab.analysis.statistics.paired import mcnemar, wilcoxon
-from steerlab.analysis.statistics.paper_switch import paper_correlation
-from steerlab.analysis.statistics.ranked_conditions import cochran_q, friedman
-from steerlab.analysis.statistics.repeated_measures import repeated_measures
 from steerlab.analysis.statistics.two_groups import hotelling_t2, welch_t
 
 pytestmark = pytest.mark.slow

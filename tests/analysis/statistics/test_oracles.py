@@ -8,21 +8,18 @@ import pytest
 from scipy.stats import rankdata
 from statsmodels.stats.diagnostic import het_breuschpagan
 
-from steerlab.analysis.statistics.assumptions import score_test, shapiro_wilk
 from steerlab.analysis.statistics.corrections import benjamini_hochberg, holm
-from steerlab.analysis.statistics.correlation import pearson, spearman
-from steerlab.analysis.statistics.mixed_model import mixed_model
-from steerlab.analysis.statistics.multiple_correlation import multiple_correlation
-from steerlab.analysis.statistics.paired import mcnemar, wilcoxon
-from steerlab.analysis.statistics.paper_switch import paper_correlation
-from steerlab.analysis.statistics.permutation import permutation_p
-from steerlab.analysis.statistics.power import (
-    correlation_power,
-    people_needed,
-    smallest_correlation,
+from steerlab.analysis.statistics.correlation import (
+    paper_correlation,
+    pearson,
+    score_test,
+    shapiro_wilk,
+    spearman,
 )
-from steerlab.analysis.statistics.ranked_conditions import cochran_q
-from steerlab.analysis.statistics.repeated_measures import repeated_measures
+from steerlab.analysis.statistics.mixed_model import mixed_model
+from steerlab.analysis.statistics.multiple_correlation import multiple_correlation, permutation_p
+from steerlab.analysis.statistics.omnibus import cochran_q, repeated_measures
+from steerlab.analysis.statistics.paired import mcnemar, wilcoxon
 from steerlab.analysis.statistics.two_groups import hotelling_t2, welch_t
 from steerlab.sim.errors import InvalidConfig
 
@@ -155,7 +152,8 @@ def test_a_cone_switches_to_spearman():
 def test_perfect_correlations_have_an_interval_of_one_point():
     x = np.arange(10.0)
     found = pearson(x, -3.0 * x)
-    assert (found.r, found.p, found.interval.low, found.interval.high) == (-1.0, 0.0, -1.0, -1.0)
+    ends = (found.r, found.p, found.interval.low, found.interval.high)
+    assert ends == pytest.approx((-1.0, 0.0, -1.0, -1.0), abs=1e-12)
 
 
 def test_tiny_and_huge_values_correlate_like_others():
@@ -178,37 +176,31 @@ def test_the_papers_table_2_holds_only_the_two_style_correlations():
     assert (benjamini_hochberg(p) < 0.05).tolist() == [False] * 9 + [True] * 2
 
 
-def test_power_by_simulation():
-    rng = np.random.default_rng(12)
-    x = rng.standard_normal((4000, 34))
-    y = 0.45 * x + sqrt(1 - 0.45**2) * rng.standard_normal((4000, 34))
-    r = [np.corrcoef(a, b)[0, 1] for a, b in zip(x, y, strict=True)]
-    found = np.mean(np.abs(r) >= 0.33877)  # the critical r at n = 34
-    assert correlation_power(0.45, 34) == pytest.approx(found, abs=0.025)
+@pytest.mark.parametrize("between", [0.0, 1.0, 5.0])
+def test_the_mixed_model_is_least_squares_at_the_best_variances(rng, between):
+    """With a quarter of the rows missing, by matrices of all rows."""
+    person, second = np.repeat(np.arange(12.0), 3), np.tile([0.0, 1.0, 0.0], 12)
+    y = between * np.repeat(rng.standard_normal(12), 3) + rng.standard_normal(36)
+    keep = rng.uniform(size=36) > 0.25
+    y, second, person = y[keep], second[keep], person[keep]
+    design = np.column_stack([np.ones(len(y)), second])
+    found = mixed_model(y, {"second": second}, person)
 
+    def fit(person_sd):
+        shared = np.equal.outer(person, person)
+        variance = person_sd**2 * shared + found.residual_sd**2 * np.eye(len(y))
+        information = design.T @ np.linalg.solve(variance, design)
+        beta = np.linalg.solve(information, design.T @ np.linalg.solve(variance, y))
+        left = y - design @ beta
+        criterion = np.linalg.slogdet(variance)[1] + np.linalg.slogdet(information)[1]
+        return beta, information, criterion + left @ np.linalg.solve(variance, left)
 
-def test_people_needed_is_the_first_number_with_that_power():
-    n = people_needed(0.3)
-    assert correlation_power(0.3, n) >= 0.8 > correlation_power(0.3, n - 1)
-    assert n == 85
-    assert correlation_power(smallest_correlation(34), 34) == pytest.approx(0.8)
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda: correlation_power(1.0, 34),
-        lambda: correlation_power(0.3, 3),
-        lambda: people_needed(0.0),
-        lambda: people_needed(1e-6),
-        lambda: people_needed(0.3, power=0.01),
-        lambda: smallest_correlation(2),
-        lambda: smallest_correlation(34, alpha=0.0),
-    ],
-)
-def test_power_refuses_what_no_study_has(call):
-    with pytest.raises(InvalidConfig):
-        call()
+    beta, information, best = fit(found.person_sd)
+    assert [one.estimate for one in found.coefficients] == pytest.approx(beta)
+    errors = np.sqrt(np.diag(np.linalg.inv(information)))
+    assert [one.error for one in found.coefficients] == pytest.approx(errors)
+    assert best < fit(found.person_sd + 0.05)[2]
+    assert found.person_sd == 0.0 or best < fit(found.person_sd - 0.05)[2]
 
 
 def test_a_joint_test_of_one_coefficient_is_its_t_squared(rng):

@@ -74,19 +74,40 @@ def test_what_is_no_table_is_refused(tmp_path):
         read_conditions(tmp_path)
 
 
-def _shard(teacher: str, *successes: float | None, left_out: str | None = None) -> dict:
-    seeds = [
-        {
-            "by_round": [
-                {"round": 0, "success": 0.0, "final_distance_m": 30.0, "label_mae": None},
-                {"round": 1, "success": one, "final_distance_m": 5.0, "label_mae": 0.25},
-            ]
-        }
-        for one in successes
-    ]
+def _round(number: int, **values: float | None) -> dict:
     return {
+        "round": number,
+        "outcome": "timeout",
+        "labels_asked": 40,
+        "teacher_seconds": 2.0,
+        "switches": 0,
+        "loss": None,
+        "drives": 10,
+        "collisions": 0.0,
+        "path_m": [[0.0, 0.0], [1, 0.5]],
+        **values,
+    }
+
+
+def _shard(teacher: str, *successes: float | None, left_out: str | None = None) -> dict:
+    seeds = {
+        str(seed): {
+            "by_round": [
+                _round(0, success=0.0, final_distance_m=30.0, label_mae=None),
+                _round(1, success=one, final_distance_m=5.0, label_mae=0.25),
+            ],
+            "final_drives": [{"outcome": "timeout", "final_distance_m": 5, "path_m": []}],
+            "frames": [],
+        }
+        for seed, one in enumerate(successes)
+    }
+    return {
+        "schema": 2,
         "teacher": teacher,
-        "left_out": left_out,
+        "style": {"gain": 1.5},
+        "quirk": None,
+        "left_out": [{"seed": 0, "learner": None, "why": left_out}] if left_out else [],
+        "failed_demonstrations": {"0": 1},
         "conditions": {} if left_out else {"mind-meld": seeds},
     }
 
@@ -107,6 +128,29 @@ def test_shards_are_averaged_over_learner_seeds(tmp_path):
     assert {person for person, _, _ in found} == {"a", "b"}
     (left,) = left_out_teachers(tmp_path)
     assert (left.who, left.why) == ("c", "never reached the ball")
-    (folder / "d.json").write_text('{"teacher": "d"}')
-    with pytest.raises(NotAStudy, match="no shard of steerlab teach"):
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda shard: shard.pop("schema"), r"\$\.schema is missing; give 2"),
+        (lambda shard: shard.pop("conditions"), r"\$\.conditions is missing"),
+        (lambda shard: shard.update(teacher=7), r"\$\.teacher is 7; it must be a text"),
+        (lambda shard: shard.update(typo=7), r"\$\.typo is 7; it must be under one of the keys"),
+        (
+            lambda shard: shard["conditions"]["mind-meld"]["1"]["by_round"][1].update(success="1"),
+            r"\$\.conditions\.mind-meld\.1\.by_round\[1\]\.success is '1'; .*a finite number",
+        ),
+        (
+            lambda shard: shard["conditions"]["mind-meld"]["1"]["by_round"].pop(),
+            r"\$\.conditions is \[\(0,\), \(0, 1\)\]; .*the same rounds throughout",
+        ),
+    ],
+)
+def test_a_shard_that_teach_did_not_write_is_refused(tmp_path, change, said):
+    shard = _shard("d", 0.5, 1.0)
+    change(shard)
+    (tmp_path / "teachers").mkdir()
+    (tmp_path / "teachers" / "d.json").write_text(json.dumps(shard))
+    with pytest.raises(NotAStudy, match=r"d\.json is no shard of steerlab teach: .*" + said):
         read_conditions(tmp_path)

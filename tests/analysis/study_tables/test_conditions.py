@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steerlab.analysis.statistics.ranked_conditions import friedman
+from steerlab.analysis.statistics.omnibus import friedman
 from steerlab.analysis.study_data.records import ConditionValue
 from steerlab.analysis.study_tables.conditions import conditions, outcome_table
 from steerlab.analysis.study_tables.plain import is_empty

@@ -5,15 +5,15 @@ import json
 import numpy as np
 import pytest
 
-from steerlab.analysis.json_reader import InvalidSummary
 from steerlab.analysis.statistics.corrections import holm
+from steerlab.analysis.statistics.correlation import paper_correlation
 from steerlab.analysis.statistics.multiple_correlation import multiple_correlation
 from steerlab.analysis.statistics.outcome import NotComputable
-from steerlab.analysis.statistics.paper_switch import paper_correlation
 from steerlab.analysis.study_tables.constructs import main_scales
 from steerlab.analysis.study_tables.csv_files import csv_files
 from steerlab.analysis.study_tables.plain import is_empty, plain
 from steerlab.analysis.study_tables.tables import KEYS
+from steerlab.analysis.summary import InvalidSummary
 from steerlab.study.surveys.questionnaire_file import shipped_questionnaires
 from steerlab.study.surveys.reliability import cronbach_alpha
 from steerlab.study.surveys.scoring import keyed_table

@@ -62,8 +62,6 @@ def make_episode(make_rollout):
             ),
             rows=rows,
             learner_wheel=np.full(DECISIONS, -0.5),
-            doubt=np.full(DECISIONS, np.nan),
-            final_distance_m=10.0,
             round_number=round_number,
             person="one",
         )

@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.engine.driving import Driving
 from steerlab.sim.errors import InvalidConfig, NoPath
 from steerlab.sim.geometry import Pose2D
@@ -11,8 +11,6 @@ from steerlab.sim.ground_truth import OracleLabels, Planner, PlannerConfig, samp
 from steerlab.sim.ground_truth.distance_grid import body_of, clearance_at, distance_grid
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.world import REACH_M, WorldSpec
-
-FloatArray = NDArray[np.float64]
 
 
 def _reason(planner: Planner, pose: Pose2D) -> str:

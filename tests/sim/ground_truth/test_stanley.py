@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.geometry import Pose2D, wrap_angle
 from steerlab.sim.ground_truth import OracleDriver, Path, PlannerConfig
@@ -15,7 +15,6 @@ from steerlab.sim.vehicle import WHEEL_LIMIT, CarConfig
 CAR, CONFIG = CarConfig(), PlannerConfig()
 STEERING = steering_of(CAR, CONFIG)
 ALONG_X = np.stack((np.arange(0.0, 60.5, 0.5), np.zeros(121)), axis=-1)
-FloatArray = NDArray[np.float64]
 
 
 def _turned(points: FloatArray, angle: float) -> FloatArray:

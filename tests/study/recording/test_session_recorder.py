@@ -12,9 +12,9 @@ from steerlab.sim.labelling import labelled_step
 from steerlab.sim.records import step_from_row
 from steerlab.study.recording.session_recorder import SessionRecorder
 from steerlab.study.recording.writer import RecordingError, WriterThread
-from steerlab.study.store.connection import StoreConnection
+from steerlab.study.store.connection import StoreConnection, connect
+from steerlab.study.store.errors import StoreError
 from steerlab.study.store.records import AttemptStatus
-from steerlab.study.store.schema import StoreError, connect
 from steerlab.study.store.store import StudyStore
 from steerlab.teleop.loop import DriveEnd, NullClock, run_drive
 from steerlab.teleop.timing_limits import TimingViolation
@@ -47,7 +47,8 @@ def test_a_session_is_kept_whole(record, drive, drive_steps, timing_of, study, i
         assert (attempt.attempt, attempt.order_index) == (sink.attempt, sink.order) == (0, 0)
         assert attempt.session == recorder.session == session.id == "P01-1"
         assert [(e.step, e.what) for e in store.events(attempt)] == [(5, "takeover")]
-        assert [asdict(flag) for flag in store.flags(attempt)] == [asdict(gate) for gate in failed]
+        kept = [(flag.name, flag.value, flag.bound) for flag in store.flags(attempt)]
+        assert kept == [(gate.name, gate.value, gate.limit) for gate in failed]
     assert steps == [
         labelled_step(drive.rollout, k, None if k == 1 else 0.1 * k, participant="P01")
         for k in range(drive.rollout.steps)
@@ -264,7 +265,7 @@ def raise_full():
 
 
 def test_another_programs_lock_is_told(record, drive, drive_steps, study, monkeypatch):
-    monkeypatch.setattr("steerlab.study.store.schema.BUSY_TIMEOUT_S", 0.05)
+    monkeypatch.setattr("steerlab.study.store.connection.BUSY_TIMEOUT_S", 0.05)
     with record() as recorder:
         sink = recorder.begin(drive)
         other = connect(study / "study.db", read_only=False)

@@ -20,8 +20,9 @@ from steerlab.sim.records import (
 )
 from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.world import Block, WorldSpec
+from steerlab.study.store.connection import connect
+from steerlab.study.store.errors import StoreError
 from steerlab.study.store.records import Attempt, AttemptStatus, StoredRollout
-from steerlab.study.store.schema import StoreError, connect
 from steerlab.study.store.store import StudyStore
 
 WORLD = WorldSpec(
@@ -247,6 +248,13 @@ def test_a_step_is_kept_once(store: StudyStore):
         "INSERT OR REPLACE INTO steps SELECT * FROM steps",
         "UPDATE attempts SET status = 'running'",
         "INSERT INTO attempts SELECT * FROM attempts",
+        "INSERT OR REPLACE INTO attempts SELECT participant, rollout, attempt, 'abandoned', "
+        "order_index, session, end_reason FROM attempts",
+        "INSERT OR REPLACE INTO rollouts SELECT name, world, control_hz, 1, steps FROM rollouts",
+        "UPDATE rollouts SET seed = 1",
+        "DELETE FROM rollouts",
+        "INSERT OR REPLACE INTO participants SELECT pseudonym, 'new' FROM participants",
+        "UPDATE participants SET role = 'new'",
         "INSERT INTO meta VALUES ('schema_version', '0')",
         "DELETE FROM steps",
         "DELETE FROM attempts",
@@ -255,14 +263,19 @@ def test_a_step_is_kept_once(store: StudyStore):
 )
 def test_another_program_cannot_rewrite_the_record(store: StudyStore, statement: str):
     label(store, "P01")
-    before = store.audit(), store.read_labels()
+
+    def all_of_it():
+        people, drives = store.participants(), store.rollouts()
+        return people, drives, store.attempts(), store.audit(), store.read_labels()
+
+    before = all_of_it()
     other = connect(store.path, read_only=False)
     try:
         with pytest.raises(sqlite3.IntegrityError):
             other.execute(statement)
     finally:
         other.close()
-    assert (store.audit(), store.read_labels()) == before
+    assert all_of_it() == before
 
 
 def test_acts_are_logged_in_order(store: StudyStore):

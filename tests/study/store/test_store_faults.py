@@ -9,16 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from steerlab.study.store import schema as store_schema
+from steerlab.study.store import connection as store_connection
+from steerlab.study.store.connection import connect, fail
+from steerlab.study.store.errors import StoreError
 from steerlab.study.store.records import AttemptStatus
-from steerlab.study.store.schema import STORE_VERSION, StoreError, connect, fail
 from steerlab.study.store.store import StudyStore
 
 WRITER = """
 import sys
 from pathlib import Path
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.records import Gate, LabelledStep
+from steerlab.sim.records import Driver, LabelledStep
 from steerlab.study.store.store import StudyStore
 from steerlab.study.store.records import StoredRollout
 from steerlab.sim.world import WorldSpec
@@ -34,7 +35,7 @@ while True:
             participant="P01", rollout="r0", attempt=attempt.attempt, step=step, t_s=step / 10,
             x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=0.0, lateral_speed_mps=0.0, yaw_rate_radps=0.0,
             acceleration_x_mps2=0.0, acceleration_y_mps2=0.0, robot_wheel=0.0,
-            teacher_label=float(step), oracle_label=None, executed_wheel=0.0, gate=Gate.ROBOT,
+            teacher_label=float(step), oracle_label=None, executed_wheel=0.0, gate=Driver.ROBOT,
             label_valid=True,
         ))
         print("step", attempt.attempt, step, flush=True)
@@ -122,7 +123,7 @@ def test_a_clean_close_leaves_one_file(tmp_path: Path):
 
 
 def test_a_failed_creation_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(store_schema, "VERSIONS", ("CREATE TABEL oops;",))
+    monkeypatch.setattr(store_connection, "SCHEMA", "CREATE TABEL oops;")
     with pytest.raises(StoreError, match="Cannot make a study"):
         StudyStore.create(tmp_path / "study.db")
     assert list(tmp_path.iterdir()) == []
@@ -149,27 +150,6 @@ def test_a_foreign_database_is_told_and_left_alone(tmp_path: Path):
     assert path.read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    ("version", "message"),
-    [
-        (
-            str(STORE_VERSION + 1),
-            rf"schema {STORE_VERSION + 1}; this steerlab reads up to {STORE_VERSION}\. Upgrade",
-        ),
-        ("x", "does not say its schema"),
-        ("0", "does not say"),
-    ],
-)
-def test_a_newer_or_unclear_schema_is_told(tmp_path: Path, version: str, message: str):
-    path = tmp_path / "study.db"
-    StudyStore.create(path).close()
-    other = connect(path, read_only=False)
-    other.execute("UPDATE meta SET value = ? WHERE key = 'schema_version'", (version,))
-    other.close()
-    with pytest.raises(StoreError, match=message):
-        StudyStore.open(path)
-
-
 def test_a_damaged_file_is_told(tmp_path: Path):
     path = tmp_path / "study.db"
     StudyStore.create(path).close()
@@ -181,7 +161,7 @@ def test_a_damaged_file_is_told(tmp_path: Path):
 
 
 def test_a_lock_names_its_mend(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(store_schema, "BUSY_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(store_connection, "BUSY_TIMEOUT_S", 0.05)
     path = tmp_path / "study.db"
     with StudyStore.create(path) as store:
         store.add_participant("P01", "seen")
@@ -212,7 +192,7 @@ def test_a_reader_cannot_write(tmp_path: Path):
 def test_a_full_disk_keeps_what_was_stored(tmp_path: Path):
     with StudyStore.create(tmp_path / "study.db") as store:
         store.add_participant("P01", "seen")
-        store._connection.run("PRAGMA max_page_count = 1")  # SQLite's own way to be full
+        store.connection.run("PRAGMA max_page_count = 1")  # SQLite's own way to be full
         with pytest.raises(StoreError, match="full; free some room"):
             store.add_participant("P02" * 20_000, "seen")
         assert store.participants() == {"P01": "seen"}

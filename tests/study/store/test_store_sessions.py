@@ -1,7 +1,7 @@
 """Sessions, step times, events and flags: round trips, and that they stay as they are."""
 
 import sqlite3
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import Driver, InvalidRecord, LabelledStep
 from steerlab.sim.world import WorldSpec
-from steerlab.study.store.events import TIMING_SCHEMA, Event, Flag
-from steerlab.study.store.records import StoredRollout
-from steerlab.study.store.schema import StoreError, connect
-from steerlab.study.store.sessions import SessionRecord
+from steerlab.study.store.connection import connect
+from steerlab.study.store.erasure import erase_rows
+from steerlab.study.store.errors import StoreError
+from steerlab.study.store.records import TIMING_SCHEMA, Event, Flag, SessionRecord, StoredRollout
 from steerlab.study.store.store import StudyStore
+from steerlab.teleop.timing import StepTiming
 
 WORLD = WorldSpec(name="w", ball_xy_m=(9.0, 0.0), start=Pose2D(-9.0, 0.0, 0.0))
 LIVE = StoredRollout(name="live", world=WORLD, control_hz=20.0, seed=None, steps=None)
@@ -36,15 +37,15 @@ SESSION = SessionRecord(
 )
 
 
-@dataclass(frozen=True)
-class Times:
-    deadline_ns: int = 10
-    actual_ns: int = 11
-    sample_ns: int = 12
-    event_age_ns: int | None = 3
-    overrun: bool = False
-    focus: bool = True
-    device_ok: bool = True
+TIMES = StepTiming(
+    deadline_ns=10,
+    actual_ns=11,
+    sample_ns=12,
+    event_age_ns=3,
+    overrun=False,
+    focus=True,
+    device_ok=True,
+)
 
 
 @pytest.fixture
@@ -81,13 +82,17 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
         environment=texts,
     ),
     times=st.lists(
-        st.builds(Times, ns, ns, ns, st.none() | ns, st.booleans(), st.booleans(), st.booleans()),
+        st.builds(
+            StepTiming,
+            **dict.fromkeys(("deadline_ns", "actual_ns", "sample_ns"), ns),
+            event_age_ns=st.none() | ns,
+        ),
         min_size=1,
         max_size=4,
     ),
     events=st.lists(st.builds(Event, step=st.integers(0, 2**31), at_ns=ns, what=names)),
     flags=st.lists(
-        st.builds(Flag, name=names, value=finite, limit=finite), unique_by=lambda f: f.name
+        st.builds(Flag, name=names, value=finite, bound=finite), unique_by=lambda f: f.name
     ),
 )
 @settings(max_examples=30, deadline=None)
@@ -110,8 +115,10 @@ def test_everything_comes_back(tmp_path_factory, session, times, events, flags):
         assert kept.session == session.id
         table = store.timings(kept)
         assert table.schema.equals(TIMING_SCHEMA, check_metadata=True)
-        rows = [{k: v for k, v in row.items() if k in vars(Times())} for row in table.to_pylist()]
-        assert [Times(**row) for row in rows] == times
+        rows = [
+            {k: v for k, v in row.items() if k in StepTiming.__slots__} for row in table.to_pylist()
+        ]
+        assert [StepTiming(**row) for row in rows] == times
         assert store.timings().equals(table)
         assert store.events(kept) == events
         assert store.flags(kept) == sorted(flags, key=lambda flag: flag.name)
@@ -135,7 +142,7 @@ def test_a_session_out_of_range_is_refused(change):
 
 def test_a_flag_or_event_out_of_range_is_refused():
     with pytest.raises(InvalidRecord, match="not finite"):
-        Flag(name="lateness", value=float("inf"), limit=1.0)
+        Flag(name="lateness", value=float("inf"), bound=1.0)
     with pytest.raises(InvalidRecord, match="steps start at 0"):
         Event(step=-1, at_ns=0, what="pause")
 
@@ -165,8 +172,8 @@ def test_a_live_drive_needs_all_its_steps_and_at_least_one(store):
 
 def test_a_step_and_its_times_are_kept_together(store):
     store.begin_attempt("P01", "live")
-    with pytest.raises(StoreError, match="Cannot keep step 0"):
-        store.append(STEP, Times(overrun=2))
+    with pytest.raises(InvalidRecord, match=r"timings\.overrun cannot be 2"):
+        store.append(STEP, replace(TIMES, overrun=2))
     assert store.steps(store.attempts()[0]).num_rows == 0
 
 
@@ -188,10 +195,10 @@ def test_a_step_and_its_times_are_kept_together(store):
 )
 def test_another_program_cannot_rewrite_the_record(store, statement, during):
     attempt = store.begin_attempt("P01", "live", session="P01-1")
-    store.append(STEP, Times())
+    store.append(STEP, TIMES)
     store.add_event(attempt, Event(step=0, at_ns=0, what="pause"))
-    with store._connection.transaction("flag"):
-        store._connection.run("INSERT INTO flags VALUES ('P01', 'live', 0, 'late', 3, 2)")
+    with store.connection.transaction("flag"):
+        store.connection.run("INSERT INTO flags VALUES ('P01', 'live', 0, 'late', 3, 2)")
     if not during:
         store.finish_attempt(attempt)
 
@@ -218,7 +225,7 @@ def test_an_ended_attempt_takes_nothing_more(store):
     with pytest.raises(StoreError, match="the attempt is not running"):
         store.add_event(attempt, Event(step=0, at_ns=0, what="late"))
     with pytest.raises(StoreError, match="the attempt is not running"):
-        store.append(replace(STEP, step=1), Times())
+        store.append(replace(STEP, step=1), TIMES)
     with pytest.raises(InvalidRecord, match="reason"):
         store.abandon_attempt(attempt, " ")
 
@@ -232,3 +239,16 @@ def test_what_was_running_is_abandoned_with_its_reason(store):
         f"{one}: a crash",
         f"{two}: a crash",
     ]
+
+
+def test_all_of_a_person_who_sat_at_a_wheel_is_erased(store):
+    for who in ("P01", "P02"):
+        attempt = store.begin_attempt(who, "live", session="P01-1" if who == "P01" else None)
+        store.append(replace(STEP, participant=who), TIMES)
+        store.add_event(attempt, Event(step=0, at_ns=0, what="pause"))
+        store.finish_attempt(attempt, [Flag(name="late", value=3.0, bound=2.0)])
+    erase_rows(store.connection, "P01")
+    assert store.sessions() == {}
+    for table in ("attempts", "steps", "timings", "events", "flags"):
+        found = store.connection.read(f"SELECT DISTINCT participant FROM {table}")
+        assert found == [("P02",)], table

@@ -1,4 +1,4 @@
-"""Schema 3: files of schema 2 are upgraded with their audit sealed; what is final stays."""
+"""What the store keeps of a study around the drives: it comes back, what is final stays, erasure."""
 
 import sqlite3
 from pathlib import Path
@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steerlab.study.store import tables as store_tables
 from steerlab.study.store.answers import insert_note, insert_response, read_notes, read_responses
-from steerlab.study.store.audit import append_audit, broken_at, entry_sha256, read_sealed
+from steerlab.study.store.audit import append_audit, broken_at, entry_sha256, read_audit
+from steerlab.study.store.connection import connect
 from steerlab.study.store.erasure import erase_rows, scrub
+from steerlab.study.store.errors import StoreError
 from steerlab.study.store.frozen import (
     Instrument,
     insert_model,
@@ -27,29 +28,12 @@ from steerlab.study.store.people import (
     insert_enrolment,
     insert_link,
     insert_phase_event,
-    read_consents,
     read_departures,
     read_enrolments,
     read_link_owner,
     read_phase_events,
 )
-from steerlab.study.store.schema import STORE_VERSION, StoreError, connect
 from steerlab.study.store.store import StudyStore
-
-
-@pytest.fixture
-def old(tmp_path: Path) -> Path:
-    """A file of schema 2 with some acts in its audit."""
-    path = tmp_path / "study.db"
-    raw = sqlite3.connect(path, isolation_level=None)
-    raw.execute("PRAGMA journal_mode = WAL")
-    raw.executescript("".join(store_tables.VERSIONS[:2]))
-    raw.execute("INSERT INTO meta VALUES ('schema_version', '2'), ('created_by', 'steerlab 0.1.0')")
-    raw.execute("INSERT INTO participants VALUES ('P01', 'seen')")
-    for n in (1, 2, 5):
-        raw.execute("INSERT INTO audit VALUES (?, '2026', 'act', ?)", (n, f"détail {n}"))
-    raw.close()
-    return path
 
 
 @pytest.fixture
@@ -66,35 +50,10 @@ def enrolment(name: str) -> Enrolment:
     return Enrolment(
         participant=name,
         role="test",
-        at_utc="",
         protocol_version=1,
         allocation="x",
-        order=("bc", "dagger"),
+        condition_order=("bc", "dagger"),
     )
-
-
-def test_an_old_audit_is_sealed_and_goes_on(old: Path):
-    with StudyStore.open(old) as store:
-        store.record("consent", "v4")
-        entries = read_sealed(store.connection.sqlite)
-    assert [entry.id for entry in entries] == [1, 2, 5, 6, 7]
-    assert [entry.act for entry in entries] == ["act"] * 3 + ["schema upgraded", "consent"]
-    assert entries[3].detail.startswith(f"from 2 to {STORE_VERSION} by ")
-    assert broken_at(entries) is None
-
-
-def test_an_old_file_that_is_only_read_has_empty_tables(old: Path):
-    before = old.read_bytes()
-    with StudyStore.open(old, read_only=True) as store:
-        connection = store.connection
-        assert [one.sha256 for one in read_sealed(connection.sqlite)] == [None] * 3
-        assert read_enrolments(connection) == read_protocols(connection) == []
-        assert read_responses(connection) == read_phase_events(connection) == []
-        assert read_departures(connection) == read_consents(connection) == {}
-        assert read_notes(connection, None) == read_models(connection) == []
-        assert read_link_owner(connection, "x") is None
-        assert [entry.detail for entry in store.audit()] == ["détail 1", "détail 2", "détail 5"]
-    assert old.read_bytes() == before
 
 
 @given(
@@ -109,11 +68,11 @@ def test_any_change_of_any_entry_breaks_the_chain(texts, data):
         append_audit(
             raw, act.encode(errors="replace").decode(), detail.encode(errors="replace").decode()
         )
-    assert broken_at(read_sealed(raw)) is None
+    assert broken_at(read_audit(raw)) is None
     row = data.draw(st.integers(1, len(texts)))
     column = data.draw(st.sampled_from(["at_utc", "act", "detail", "sha256"]))
     raw.execute(f"UPDATE audit SET {column} = {column} || 'x' WHERE id = ?", (row,))
-    assert broken_at(read_sealed(raw)).id == row
+    assert broken_at(read_audit(raw)).id == row
     raw.close()
 
 
@@ -127,7 +86,7 @@ def test_enrolments_and_phases_come_back(store: StudyStore):
         insert_phase_event(connection, "P001", "pre", PhaseAct.STARTED)
         insert_phase_event(connection, "P001", "pre", PhaseAct.DONE, "all well")
         insert_phase_event(connection, "P002", "pre", PhaseAct.SKIPPED)
-    assert [(one.participant, one.order) for one in read_enrolments(connection)] == [
+    assert [(one.participant, one.condition_order) for one in read_enrolments(connection)] == [
         ("P001", ("bc", "dagger")),
         ("P002", ("bc", "dagger")),
     ]
@@ -180,7 +139,7 @@ def test_erasing_takes_one_person_and_leaves_the_other(store: StudyStore):
                 connection,
                 participant=participant,
                 phase="pre",
-                round_=0,
+                phase_run=0,
                 questionnaire="q",
                 item="i",
                 value="Zanzibar " + participant,
@@ -196,7 +155,7 @@ def test_erasing_takes_one_person_and_leaves_the_other(store: StudyStore):
     assert b"P001" in raw  # the tombstone
     assert b"Zanzibar P001" not in raw
     assert b"Timbuktu P001" not in raw
-    assert broken_at(read_sealed(connection.sqlite)) is None
+    assert broken_at(read_audit(connection.sqlite)) is None
 
 
 @pytest.mark.parametrize(
@@ -209,12 +168,15 @@ def test_erasing_takes_one_person_and_leaves_the_other(store: StudyStore):
         "DELETE FROM protocols",
         "UPDATE responses SET value = '1'",
         "UPDATE protocols SET text = 'x'",
-        "UPDATE enrolments SET orders = '[]'",
-        "UPDATE phase_events SET what = 'done'",
+        "UPDATE enrolments SET condition_order = '[]'",
+        "UPDATE phase_events SET act = 'done'",
         "UPDATE departures SET how = 'kept'",
         "UPDATE audit SET sha256 = 'x'",
         "INSERT OR REPLACE INTO responses SELECT * FROM responses",
         "INSERT OR REPLACE INTO notes SELECT * FROM notes",
+        "INSERT OR REPLACE INTO protocols SELECT version, frozen_utc, sha256, 'x', why FROM protocols",
+        "INSERT OR REPLACE INTO enrolments SELECT * FROM enrolments",
+        "INSERT OR REPLACE INTO departures SELECT participant, at_utc, 'kept' FROM departures",
     ],
 )
 def test_nobody_else_changes_or_deletes(store: StudyStore, statement: str):
@@ -226,7 +188,7 @@ def test_nobody_else_changes_or_deletes(store: StudyStore, statement: str):
             connection,
             participant="P001",
             phase="pre",
-            round_=0,
+            phase_run=0,
             questionnaire="q",
             item="i",
             value=3,

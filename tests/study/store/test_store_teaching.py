@@ -10,13 +10,11 @@ from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import Driver, InvalidRecord, LabelledStep
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.world import WorldSpec
-from steerlab.study.store import schema as store_schema
 from steerlab.study.store.erasure import erase_rows
+from steerlab.study.store.errors import StoreError
 from steerlab.study.store.people import Enrolment, PhaseAct, insert_enrolment, insert_phase_event
 from steerlab.study.store.records import StoredRollout
-from steerlab.study.store.schema import StoreError
 from steerlab.study.store.store import StudyStore
-from steerlab.study.store.tables import VERSIONS
 from steerlab.study.store.teaching import (
     TEACHING_SCHEMA,
     StoredTargets,
@@ -24,14 +22,14 @@ from steerlab.study.store.teaching import (
     Trial,
     insert_round,
     insert_trials,
-    read_occasion,
+    read_phase_run,
     read_targets,
     read_taught,
     read_teaching_rounds,
     read_tried,
 )
-from steerlab.study.store.teaching_tables import ERASED_FIRST
 
+TABLES = ("teaching_trials", "teaching_targets", "teaching_rounds")
 TARGETS = StoredTargets(
     step=np.array([0, 2]),
     target=np.array([0.1 + 0.2, np.nan]),
@@ -41,7 +39,7 @@ TARGETS = StoredTargets(
 ROUND = TaughtRound(
     participant="P001",
     phase="teach-1",
-    occasion=0,
+    phase_run=0,
     condition="dagger",
     round=0,
     rollout="drive",
@@ -77,10 +75,9 @@ def store(tmp_path):
                     Enrolment(
                         participant=name,
                         role="test",
-                        at_utc="",
                         protocol_version=1,
                         allocation="a",
-                        order=order,
+                        condition_order=order,
                     ),
                 )
         store.add_rollout(
@@ -162,11 +159,11 @@ def test_rounds_of_a_phase_that_was_opened_again_do_not_count(store):
     keep(store, trials=TRIALS)
     with store.connection.transaction("open again"):
         insert_phase_event(store.connection, "P001", "teach-1", PhaseAct.REOPENED)
-    assert read_occasion(store.connection, "P001", "teach-1") == (1, 1)
+    assert read_phase_run(store.connection, "P001", "teach-1") == (1, 1)
     assert read_taught(store.connection, "P001", "teach-1") == []
     assert read_tried(store.connection, "P001", "teach-1") == set()
     assert read_teaching_rounds(store.connection).num_rows == 0
-    again = replace(ROUND, occasion=1, label_mae=0.125)
+    again = replace(ROUND, phase_run=1, label_mae=0.125)
     keep(store, again, targets=NOTHING)
     assert read_taught(store.connection, "P001", "teach-1") == [again]
     assert read_teaching_rounds(store.connection)["label_mae"].to_pylist() == [0.125]
@@ -176,7 +173,7 @@ def test_nothing_that_was_taught_is_changed_or_written_over(store):
     keep(store, trials=TRIALS)
     with pytest.raises(StoreError, match="UNIQUE"):
         keep(store, targets=NOTHING)
-    for table in ERASED_FIRST:
+    for table in TABLES:
         for act in (
             f"UPDATE {table} SET participant = 'P002'",
             f"DELETE FROM {table}",
@@ -200,28 +197,10 @@ def test_a_target_belongs_to_a_step_and_a_trial_to_a_round(store):
     assert read_taught(store.connection, "P001", "teach-1") == []
 
 
-def test_a_study_of_schema_3_is_read_as_it_is_and_upgraded_when_written_to(tmp_path, monkeypatch):
-    path = tmp_path / "old.db"
-    with monkeypatch.context() as patched:
-        patched.setattr(store_schema, "VERSIONS", VERSIONS[:3])
-        patched.setattr(store_schema, "STORE_VERSION", 3)
-        StudyStore.create(path).close()
-    with StudyStore.open(path, read_only=True) as store:
-        assert read_teaching_rounds(store.connection).num_rows == 0
-        assert read_taught(store.connection, "P001", "teach-1") == []
-        assert read_tried(store.connection, "P001", "teach-1") == set()
-    for _ in range(2):
-        with StudyStore.open(path) as store:
-            acts = [one.detail for one in store.audit() if one.act == "schema upgraded"]
-            assert len(acts) == 1
-            assert acts[0].startswith(f"from 3 to {store_schema.STORE_VERSION} ")
-            assert read_teaching_rounds(store.connection).num_rows == 0
-
-
 def test_all_of_a_person_goes_when_they_are_erased_and_nobody_elses(store):
     keep(store, trials=TRIALS)
     keep(store, replace(ROUND, participant="P002"), trials=TRIALS)
     erase_rows(store.connection, "P001")
-    for table in ERASED_FIRST:
+    for table in TABLES:
         found = store.connection.read(f"SELECT DISTINCT participant FROM {table}")
         assert found == [("P002",)]

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from steerlab.study.surveys.errors import QuestionnaireError
-from steerlab.study.surveys.questionnaire_file import shipped_questionnaires
-from steerlab.study.surveys.questionnaire_toml import questionnaire_from_toml
+from steerlab.sim.errors import InvalidValue
+from steerlab.study.surveys.questionnaire_file import (
+    questionnaire_from_toml,
+    shipped_questionnaires,
+)
 
 PAGE = (Path(__file__).parents[3] / "docs" / "questionnaires.md").read_text(encoding="utf-8")
 EXAMPLE = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)[0]
@@ -29,6 +31,6 @@ def test_the_table_lists_what_is_shipped():
 
 def test_the_example_is_a_questionnaire_and_its_error_is_the_one_shown():
     assert questionnaire_from_toml(EXAMPLE, "sickness.toml").score_range("sickness") == (0, 3)
-    with pytest.raises(QuestionnaireError) as caught:
+    with pytest.raises(InvalidValue) as caught:
         questionnaire_from_toml(EXAMPLE.replace('3 = "Severe"\n', "", 1), "sickness.toml")
     assert f"`{caught.value}`" in PAGE

@@ -7,16 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steerlab.sim.errors import InvalidConfig, SteerlabError
+from steerlab.sim.errors import InvalidConfig, InvalidValue, SteerlabError
+from steerlab.sim.files.toml_lines import line_of
 from steerlab.study.surveys.answer_format import Likert
-from steerlab.study.surveys.errors import QuestionnaireError
 from steerlab.study.surveys.questionnaire_file import (
     all_questionnaires,
     load_questionnaire,
+    questionnaire_from_toml,
     shipped_questionnaires,
 )
-from steerlab.study.surveys.questionnaire_toml import questionnaire_from_toml
-from steerlab.study.surveys.toml_lines import line_of
 
 GOOD = '''format = 1
 key = "mine"
@@ -98,40 +97,55 @@ def test_a_file_reads_as_meant():
     [
         ("version = 3", "version = 0", 4, "version is 0; it must be a whole number from 1"),
         ("version = 3", "version = true", 4, "version is True; it must be a whole number"),
-        ("version = 3", "verison = 3", 4, "verison is 3; it must be one of the keys format, key"),
-        ("version = 3\n", "", None, "version is None; it must be given: a whole number"),
+        (
+            "version = 3",
+            "verison = 3",
+            4,
+            r"verison is 3; .* keys format, key, .*defaults \(did you mean \'version\'",
+        ),
+        ("version = 3\n", "", None, r"\$\.version is missing; give a whole number"),
         ("format = 1", "format = 2", 1, "format is 2; it must be 1"),
         ('kind = "likert"', 'kind = "lickert"', 15, "defaults.kind is 'lickert'; .*likert, slider"),
         ("high = 1", "high = -1", 17, "defaults.high is -1; it must be above low"),
         ('-1 = "no"', '-1 = ""', 20, r"defaults\.anchors\.-1 is ''; it must be some words"),
         ('1 = "yes"', "1 = 7", 21, r"defaults\.anchors\.1 is 7; it must be a text"),
-        ('1 = "yes"', 'yes = "yes"', 19, "defaults.anchors is 'yes'; .*by whole number"),
-        ('text = "One"', 'text = ""', 25, r"items\[1\]\.text is ''; it must be some words"),
-        ('text = "One"', "text = 1", 25, r"items\[1\]\.text is 1; it must be a text"),
-        ('text = "One"\n', "", 23, r"items\[1\]\.text is None; it must be given: a text"),
-        ('id = "two"', 'id = "one"', 28, r"items\[2\]\.id is 'one'; .*taken"),
-        ("low = 0", 'low = "0"', 30, r"items\[2\]\.low is '0'; it must be a whole number"),
-        ("low = 0", "low = 0\nstep = 5", 31, r"items\[2\]\.step is 5; .* id, text, kind, requ"),
-        ("0 = ", "7 = ", 31, r"items\[2\]\.anchors is .*both ends"),
-        ('{ value = "y"', '{ valeu = "y"', 37, r"items\[3\]\.options\[2\]\.valeu is 'y'"),
-        ('{ value = "y"', '{ value = "x"', 37, r"items\[3\]\.options is \['x', 'x'\]"),
-        ('1 = "ever"', '2 = "ever"', 46, r"items\[4\]\.anchors is "),
-        ('kind = "choice"', 'kind = "number"', 37, r"items\[3\]\.options is .*one of the keys"),
+        (
+            '1 = "yes"',
+            'yes = "yes"',
+            21,
+            r"\$\.defaults\.anchors\.yes is 'yes'; .*key that is a whole number",
+        ),
+        ('text = "One"', 'text = ""', 25, r"items\[0\]\.text is ''; it must be some words"),
+        ('text = "One"', "text = 1", 25, r"items\[0\]\.text is 1; it must be a text"),
+        ('text = "One"\n', "", 23, r"items\[0\]\.text is missing; give a text"),
+        ('id = "two"', 'id = "one"', 28, r"items\[1\]\.id is 'one'; .*taken"),
+        ("low = 0", 'low = "0"', 30, r"items\[1\]\.low is '0'; it must be a whole number"),
+        ("low = 0", "low = 0\nstep = 5", 31, r"items\[1\]\.step is 5; .* id, text, kind, requ"),
+        ("0 = ", "7 = ", 31, r"items\[1\]\.anchors is .*both ends"),
+        ('{ value = "y"', '{ valeu = "y"', 37, r"items\[2\]\.options\[1\]\.valeu is 'y'"),
+        ('{ value = "y"', '{ value = "x"', 37, r"items\[2\]\.options is \['x', 'x'\]"),
+        ('1 = "ever"', '2 = "ever"', 46, r"items\[3\]\.anchors is "),
+        ('kind = "choice"', 'kind = "number"', 37, r"items\[2\]\.options is .*one of the keys"),
         (
             'items = ["one", "four"]',
             'items = ["one", "four", "five"]',
             53,
-            r"scales\[1\]\.items is 'five'; it must be one of one, two",
+            r"scales\[0\]\.items is 'five'; it must be one of one, two",
         ),
-        ('items = ["one", "four"]', 'items = ["one", 4]', 53, r"scales\[1\]\.items is 4; .*the id"),
-        ('reversed = ["four"]', 'reversed = ["two"]', 54, r"scales\[1\]\.reversed is \['two'\]"),
-        ('reversed = ["four"]', 'how = "max"', 54, r"scales\[1\]\.how is 'max'; .*'mean'"),
+        (
+            'items = ["one", "four"]',
+            'items = ["one", 4]',
+            53,
+            r"scales\[0\]\.items\[1\] is 4; .*a text",
+        ),
+        ('reversed = ["four"]', 'reversed = ["two"]', 54, r"scales\[0\]\.reversed is \['two'\]"),
+        ('reversed = ["four"]', 'how = "max"', 54, r"scales\[0\]\.how is 'max'; .*sum, mean"),
     ],
 )
 def test_what_is_wrong_is_named_with_its_line(old, new, line, message):
     assert old in GOOD
     text = GOOD.replace(old, new, 1)
-    with pytest.raises(QuestionnaireError, match=message) as caught:
+    with pytest.raises(InvalidValue, match=message) as caught:
         questionnaire_from_toml(text, "mine.toml")
     assert caught.value.line == line
     assert str(caught.value).startswith("mine.toml" + (f", line {line}: " if line else ": "))
@@ -158,19 +172,19 @@ def test_a_damaged_file_is_refused_or_read_never_more(data):
     ("key", "line"),
     [
         ("title", ('title = "Mine"', 1)),
-        ("items[2].low", ("low = 0", 1)),
-        ("items[3].options[2].text", ("options", 1)),
-        ("items[4].anchors.1", ('1 = "ever"', 1)),
-        ("items[4].nothing", ("[[items]]", 5)),  # the first stands in the instructions
-        ("scales[1].items", ("items = ", 1)),
+        ("items[1].low", ("low = 0", 1)),
+        ("items[2].options[1].text", ("options", 1)),
+        ("items[3].anchors.1", ('1 = "ever"', 1)),
+        ("items[3].nothing", ("[[items]]", 5)),  # the first stands in the instructions
+        ("scales[0].items", ("items = ", 1)),
     ],
 )
 def test_the_line_of_a_key(key, line):
-    assert line_of(GOOD, key) == _line(GOOD, *line)
+    assert line_of(GOOD, f"$.{key}") == _line(GOOD, *line)
 
 
 def test_a_key_that_is_nowhere_has_no_line():
-    assert line_of(GOOD, "nothing.at.all") is None
+    assert line_of(GOOD, "$.nothing.at.all") is None
 
 
 def test_a_study_brings_its_own(tmp_path: Path):
@@ -186,7 +200,7 @@ def test_a_study_replaces_no_shipped_instrument(tmp_path: Path):
     with pytest.raises(InvalidConfig, match="such as trust_ours"):
         load_questionnaire("mini_ipip_5", tmp_path)
     (tmp_path / "trust.toml").rename(tmp_path / "other.toml")
-    with pytest.raises(QuestionnaireError, match=r"other\.toml, line 2: key is 'trust'; .*'other'"):
+    with pytest.raises(InvalidValue, match=r"other\.toml, line 2: \$\.key is 'trust'; .*'other'"):
         load_questionnaire("trust", tmp_path)
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from steerlab.study.surveys.questionnaire import InvalidAnswer, QuestionnaireError
+from steerlab.sim.errors import InvalidValue
+from steerlab.study.surveys.questionnaire import InvalidAnswer
 from steerlab.study.surveys.scoring import keyed, keyed_table, score
 
 
@@ -43,5 +44,5 @@ def test_keyed_answers_of_several_people(small):
     table = keyed_table(small, "all", [{"a": 1, "b": 1, "c": 1}, {"a": 3, "c": 4}])
     np.testing.assert_array_equal(table, [[1, 5, 1], [3, np.nan, 4]])
     assert keyed_table(small, "all", []).shape == (0, 3)
-    with pytest.raises(QuestionnaireError):
+    with pytest.raises(InvalidValue):
         keyed_table(small, "none", [])

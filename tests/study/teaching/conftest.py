@@ -19,7 +19,7 @@ from steerlab.study.runner import RunConfig
 from steerlab.study.scripted import ScriptedParticipant
 from steerlab.study.store.store import StudyStore
 from steerlab.study.study import Study
-from steerlab.study.teaching import run_teaching as classroom
+from steerlab.study.teaching import run_teaching
 from steerlab.study.teaching.request import TeachingResult, TeachRequest
 from steerlab.study.teaching.study_teaching import StudyTeaching
 
@@ -83,7 +83,7 @@ def folder(school_once: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def short_world(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(classroom, "make_task", short_task)
+    monkeypatch.setattr(run_teaching, "make_task", short_task)
 
 
 @pytest.fixture

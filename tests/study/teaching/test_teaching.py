@@ -1,4 +1,4 @@
-"""Scripted participants teach, headless: the course, its record, and what may go wrong in it."""
+"""Scripted participants teach, headless: the loop, its record, and what may go wrong in it."""
 
 import shutil
 import signal
@@ -11,7 +11,10 @@ import numpy as np
 import pytest
 
 from steerlab.learning.agents import catalogue, hg_dagger
+from steerlab.learning.agents.common import TeacherDrives
+from steerlab.learning.agents.drive import RoundDrive
 from steerlab.learning.agents.learner import PolicyLearner
+from steerlab.learning.agents.play import play
 from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.agents.teaching import BallNeverReached
 from steerlab.learning.checkpoint import load_mapper
@@ -19,10 +22,11 @@ from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.policy_training import TrainingDiverged
 from steerlab.learning.series import LabelSeries
 from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.live_teacher import LiveTeacher
 from steerlab.sim.records import Driver, table_from_steps
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.tasks import NAMED_TASKS
-from steerlab.study.contract import PhaseKind, PhaseState, StudyError
+from steerlab.study.contract import PhaseKind, PhaseState
 from steerlab.study.protocol import CONDITIONS
 from steerlab.study.protocol_file import parse_protocol
 from steerlab.study.runner import RunConfig
@@ -35,14 +39,12 @@ from steerlab.study.store.teaching import (
     read_tried,
 )
 from steerlab.study.study import Study
-from steerlab.study.teaching import conditions, driver, plan, register
-from steerlab.study.teaching import run_teaching as classroom
+from steerlab.study.teaching import conditions, plan, run_teaching, teaching_log
 from steerlab.study.teaching.conditions import TAUGHT, TeacherAction
 from steerlab.study.teaching.episodes import episode_of, rerender_observations
-from steerlab.study.teaching.errors import TeachingError
-from steerlab.study.teaching.live_scripted_device import LiveScriptedDevice
-from steerlab.study.teaching.robot import Robot
-from steerlab.study.teaching.round_drive import make_lesson
+from steerlab.study.teaching.live_round import GateDecides, make_live_round
+from steerlab.study.teaching.request import TeachingError
+from steerlab.study.teaching.scripted_interface import LiveScriptedDevice
 from steerlab.study.teaching.study_teaching import all_teachings
 from steerlab.teleop.devices.contract import DeviceError, DeviceInfo, DeviceSample, InputKind
 from steerlab.teleop.devices.trace import TraceDevice
@@ -143,7 +145,7 @@ def test_labels_are_mapped_with_the_participants_own_w_after_the_first_drive(
         truth = steps["oracle_label"].to_numpy()[::2]
         assert taught.label_mae == pytest.approx(np.nanmean(np.abs(found.target - truth)))
         assert taught.given_mae == pytest.approx(np.nanmean(np.abs(label[::2] - truth)))
-        assert taught.mapper_sha256 == register.sha256(path.read_bytes()).hexdigest()
+        assert taught.mapper_sha256 == teaching_log.sha256(path.read_bytes()).hexdigest()
 
 
 def test_dagger_learns_the_labels_as_they_are_and_bc_drives_itself(teach, store, short_world):
@@ -266,7 +268,8 @@ def test_a_gate_that_changes_its_mind_leaves_a_person_the_wheel_for_a_second():
             return Driver.TEACHER if self.asked % 2 else Driver.ROBOT
 
     gate = Restless()
-    who = driver.GateDecides(gate, SimpleNamespace(doubt=0.5), 1, 0)
+    drive = SimpleNamespace(gate=gate, number=1, gate_rng=lambda: np.random.default_rng(0))
+    who = GateDecides(drive, SimpleNamespace(doubt=0.5))
     for _ in range(2):
         who.begin()
         gates = [who.command(0.0, DeviceSample(wheel=1.0)).gate for _ in range(60)]
@@ -284,32 +287,66 @@ def test_what_the_robot_saw_can_be_seen_again_from_its_poses(folder, script, sho
         def step(self, step, timing):
             self.steps = (*self.steps, step)
 
-    task = classroom.make_task("easy", noise=0.5)
-    with TaskEnv(task, seed=0) as stage:
-        agent = catalogue.make_agent("dagger", {})
-        lesson = make_lesson(
-            stage, TAUGHT["dagger"], agent, None, name="one", number=0, attempt=0, seed=1
-        )
+    task = run_teaching.make_task("easy", noise=0.5)
+    with TaskEnv(task, seed=0) as env:
+        context = env.context("one", number=0, order=0, attempt=0)
+        drive = RoundDrive(env=env, context=context, gate=TeacherDrives(), learner=None, seed=1)
+        live = make_live_round(drive, TAUGHT["dagger"])
         sink = Sink()
         run_drive(
-            lesson.drive,
-            LiveScriptedDevice(script.teacher, lesson),
+            live.drive,
+            LiveScriptedDevice(script.teacher, live),
             participant="P001",
             order=0,
             clock=NullClock(),
             sink=sink,
         )
-        table, seen = table_from_steps(sink.steps), lesson.robot.seen
-        again = rerender_observations(stage, table)
+        table, seen = table_from_steps(sink.steps), live.robot.seen
+        again = rerender_observations(env, table)
         np.testing.assert_array_equal(again.image, seen.image)
         np.testing.assert_array_equal(again.motion, seen.motion)
         assert len(np.unique(seen.image, axis=0)) > 20
-        episode = episode_of(table, seen, lesson.drive.outcome, stage, 0)
-        assert len(episode.rows) == len(seen) == len(lesson.robot.decision_ns)
+        episode = episode_of(env, table, seen, live.drive.outcome, 0)
+        assert len(episode.rows) == len(seen) == len(live.robot.decision_ns)
         executed = table["executed_wheel"].to_numpy()
         noise = (executed - table["teacher_label"].to_numpy())[:40].reshape(-1, 2)
         np.testing.assert_allclose(noise[:, 0], noise[:, 1], atol=1e-12)  # one value a decision
         assert noise.std() > 0.2
+
+
+@pytest.mark.parametrize("condition", ["bc", "dagger"])
+def test_a_drive_in_real_time_is_the_drive_of_a_script_that_waits_for_nobody(
+    script, short_world, condition
+):
+    class Sink(LabelSink):
+        steps = ()
+
+        def step(self, step, timing):
+            self.steps = (*self.steps, step)
+
+    mode = TAUGHT[condition]
+    gate = catalogue.make_agent(mode.learner, {}).gate
+    with TaskEnv(run_teaching.make_task("easy", noise=0.5), seed=0) as env:
+        context = env.context("one", number=1, order=0, attempt=0)
+        drive = RoundDrive(env=env, context=context, gate=gate, learner=PolicyLearner(2), seed=1)
+        alone = play(drive, script.teacher, LiveTeacher(script.teacher, "softened"))
+        live, sink = make_live_round(drive, mode), Sink()
+        run_drive(
+            live.drive,
+            LiveScriptedDevice(script.teacher, live),
+            participant=script.teacher.name,
+            order=0,
+            clock=NullClock(),
+            sink=sink,
+        )
+        table = table_from_steps(sink.steps)
+        watched = episode_of(env, table, live.robot.seen, live.drive.outcome, 1)
+    assert watched.outcome is alone.outcome
+    np.testing.assert_array_equal(watched.rollout.pose, alone.rollout.pose)
+    np.testing.assert_array_equal(watched.learner_wheel, alone.learner_wheel)
+    np.testing.assert_array_equal(watched.teacher_drives, alone.teacher_drives)
+    np.testing.assert_array_equal(watched.live, alone.live)
+    np.testing.assert_array_equal(watched.seen.image, alone.seen.image)
 
 
 KILLED = """
@@ -320,10 +357,10 @@ from conftest import short_task
 from steerlab.study.runner import RunConfig
 from steerlab.study.scripted import ScriptedParticipant
 from steerlab.study.study import Study
-from steerlab.study.teaching import run_teaching as classroom, register
+from steerlab.study.teaching import run_teaching, teaching_log
 from steerlab.study.teaching.study_teaching import all_teachings
 
-classroom.make_task = short_task
+run_teaching.make_task = short_task
 count = 0
 
 def die_at(number, call, after=False):
@@ -338,9 +375,9 @@ def die_at(number, call, after=False):
 
 where = sys.argv[3]
 if where == "between rounds":
-    register.Register.keep = die_at(2, register.Register.keep, after=True)
+    teaching_log.StudyTeachingLog.keep = die_at(2, teaching_log.StudyTeachingLog.keep, after=True)
 elif where == "policy saved, round not":
-    register.insert_round = die_at(2, register.insert_round)
+    teaching_log.insert_round = die_at(2, teaching_log.insert_round)
 script = ScriptedParticipant(kind="human", seed=3)
 with Study.open(Path(sys.argv[2])) as study:
     phase = study.participant("P001").next_phase.id
@@ -391,29 +428,38 @@ def test_a_drive_that_was_to_be_done_again_is_not_learnt_from_after_a_crash(
     teach, store, folder, short_world
 ):
     teach("dagger")
-    first = of(store)[0]
-    book = register.Register(folder, store, "P001", "teach-1")
-    found, outcome = book.left_over(first.rollout)
-    assert (found.attempt, outcome) == (0, Outcome.BALL_REACHED)
+    first, task = of(store)[0], SimpleNamespace(name="slalom")
+    log = teaching_log.StudyTeachingLog(
+        folder,
+        store,
+        SimpleNamespace(task=task),
+        participant="P001",
+        phase="teach-1",
+        condition="dagger",
+        mapper_sha256=None,
+    )
+    found = log.left_over(0)
+    assert (found.name, found.attempt, found.number) == (first.rollout, 0, 0)
+    assert (found.outcome, found.seen) == (Outcome.BALL_REACHED, None)
     again = store.begin_attempt("P001", first.rollout)  # R, and then a crash
     store.abandon_attempt(again, "found running after a crash")
-    assert book.left_over(first.rollout) is None
-    assert book.left_over("never driven") is None
+    assert log.left_over(0) is None
+    assert log.left_over(7) is None  # never driven
 
 
 def test_policies_that_cannot_be_kept_cost_no_drive(teach, store, short_world, monkeypatch):
-    save = register.save_policy
+    save = teaching_log.save_policy
 
     def full(network, path):
         if "r01" in path.name:
             raise OSError(28, "No space left on device")
         save(network, path)
 
-    monkeypatch.setattr(register, "save_policy", full)
+    monkeypatch.setattr(teaching_log, "save_policy", full)
     with pytest.raises(TeachingError, match=r"round 1 cannot be kept.*No space left.*Free some"):
         teach("dagger")
     assert [one.round for one in of(store)] == [0]
-    monkeypatch.setattr(register, "save_policy", save)
+    monkeypatch.setattr(teaching_log, "save_policy", save)
     assert teach("dagger").finished
     assert len(attempts(store)) == 2
 
@@ -467,7 +513,7 @@ def test_a_phase_opened_again_is_taught_anew(folder, script, short_world):
         assert read_teaching_rounds(connection).num_rows == 0
         study.run("P001", config)
         after = read_taught(connection, "P001", "teach-1")
-        assert [one.occasion for one in after] == [1, 1, 1]
+        assert [one.phase_run for one in after] == [1, 1, 1]
         assert not {*after[2].policies} & {*before[2].policies}
         assert [one.attempt for one in after] == [1, 1, 1]
         study.withdraw("P001", erase=True)
@@ -482,7 +528,7 @@ def test_a_phase_opened_again_is_taught_anew(folder, script, short_world):
         ("noise = 0.2 ", "noise = -1.0 ", "teaching.noise is -1.0; it must be from 0 to 2.5"),
         ("starts = 2 ", "starts = 0 ", "teaching.starts is 0; it must be a whole number, at least"),
         ("starts = 2 ", "start = 2 ", "did you mean 'starts'"),
-        ("rate = 0.002", 'rate = "low"', "teaching.rate is 'low'; it must be a number"),
+        ("rate = 0.002", 'rate = "low"', "teaching.rate is 'low'; it must be a finite number"),
         ("learner_seed = 0 ", "learner_seed = -3 ", "teaching.learner_seed is -3"),
     ],
 )
@@ -490,25 +536,21 @@ def test_what_is_wrong_with_the_teaching_is_named_with_its_line(folder, before, 
     text = (folder / "study.toml").read_text()
     assert before in text
     line = text[: text.index(before)].count("\n") + 1
-    with Study.open(folder, read_only=True) as study, pytest.raises(StudyError) as refused:
+    with Study.open(folder, read_only=True) as study, pytest.raises(InvalidConfig) as refused:
         parse_protocol(text.replace(before, after, 1), "s.toml", study._opened.questionnaires)
     assert f"s.toml, line {line}: " in str(refused.value)
     assert said in str(refused.value)
 
 
 def test_starts_and_noise_are_the_participants_and_the_same_in_all_conditions():
-    assert classroom.participant_seed(0, "P001") == classroom.participant_seed(0, "P001")
+    assert run_teaching.participant_seed(0, "P001") == run_teaching.participant_seed(0, "P001")
     assert (
-        len({classroom.participant_seed(seed, who) for seed in (0, 1) for who in ("P001", "P002")})
+        len(
+            {
+                run_teaching.participant_seed(seed, who)
+                for seed in (0, 1)
+                for who in ("P001", "P002")
+            }
+        )
         == 4
     )
-
-
-def test_a_robot_asked_twice_about_a_step_decides_once(short_world):
-    with TaskEnv(classroom.make_task("easy", noise=0.0), seed=0) as stage:
-        robot = Robot(stage, PolicyLearner(3))
-        state = stage.driving.state
-        assert robot(state) == robot(state)
-        assert len(robot.decision_ns) == 1
-        with pytest.raises(InvalidConfig, match="no doubt"):
-            Robot(stage, PolicyLearner(3), doubts=True)(state)

@@ -8,9 +8,7 @@ import pytest
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.labelling import labelled_step
 from steerlab.sim.records import Driver
-from steerlab.study.store.events import Event, Flag
-from steerlab.study.store.records import StoredRollout
-from steerlab.study.store.sessions import SessionRecord
+from steerlab.study.store.records import Event, Flag, SessionRecord, StoredRollout
 from steerlab.study.store.store import StudyStore
 
 STEPS = 30
@@ -58,7 +56,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
                     )
                     store.append(replace(step, gate=gate), times)
                 store.add_event(attempt, Event(step=10, at_ns=0, what="takeover"))
-                store.finish_attempt(attempt, [Flag(name="lateness_p99_ms", value=2.5, limit=2.0)])
+                store.finish_attempt(attempt, [Flag(name="lateness_p99_ms", value=2.5, bound=2.0)])
     return folder
 
 

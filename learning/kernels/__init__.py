@@ -1,1 +1,0 @@
-"""Compiled kernels for MIND MELD's small networks, which torch's overhead would dominate."""
