@@ -39,7 +39,7 @@ def left_out(
     """
     reasons: dict[str, str] = {}
     if not full:
-        quick = "it trains a network of its own, which the quick choice does without"
+        quick = "it trains a network of its own, which the quick ladder does without"
         reasons |= {
             baseline: quick for baseline in FULL_ONLY if baseline != CEILING or styles_known
         }
