@@ -1,6 +1,7 @@
 """What the store keeps of a study around the drives: it comes back, what is final stays, erasure."""
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -62,18 +63,17 @@ def enrolment(name: str) -> Enrolment:
 )
 @settings(max_examples=60, deadline=None)
 def test_any_change_of_any_entry_breaks_the_chain(texts, data):
-    raw = sqlite3.connect(":memory:")
-    raw.execute("CREATE TABLE audit (id INTEGER PRIMARY KEY, at_utc, act, detail, sha256)")
-    for act, detail in texts:
-        append_audit(
-            raw, act.encode(errors="replace").decode(), detail.encode(errors="replace").decode()
-        )
-    assert broken_at(read_audit(raw)) is None
-    row = data.draw(st.integers(1, len(texts)))
-    column = data.draw(st.sampled_from(["at_utc", "act", "detail", "sha256"]))
-    raw.execute(f"UPDATE audit SET {column} = {column} || 'x' WHERE id = ?", (row,))
-    assert broken_at(read_audit(raw)).id == row
-    raw.close()
+    with closing(sqlite3.connect(":memory:")) as raw:  # hypothesis may give an example up
+        raw.execute("CREATE TABLE audit (id INTEGER PRIMARY KEY, at_utc, act, detail, sha256)")
+        for act, detail in texts:
+            append_audit(
+                raw, act.encode(errors="replace").decode(), detail.encode(errors="replace").decode()
+            )
+        assert broken_at(read_audit(raw)) is None
+        row = data.draw(st.integers(1, len(texts)))
+        column = data.draw(st.sampled_from(["at_utc", "act", "detail", "sha256"]))
+        raw.execute(f"UPDATE audit SET {column} = {column} || 'x' WHERE id = ?", (row,))
+        assert broken_at(read_audit(raw)).id == row
 
 
 def test_a_text_cannot_pass_for_two_fields():
