@@ -17,6 +17,7 @@ from steerlab.analysis.statistics.paired import all_pairs, mcnemar, wilcoxon
 from steerlab.analysis.study_data.records import ConditionValue, StudyData
 from steerlab.analysis.study_tables.plain import empty, plain
 from steerlab.sim.arrays import FloatArray
+from steerlab.sim.seeds import rng_for
 
 NO_CONDITIONS = "no outcome of any condition is on record"
 OVER_ROUNDS = ("label_mae",)
@@ -83,7 +84,7 @@ def _metric(values: Sequence[ConditionValue], metric: str, seed: int) -> dict[st
         return rows | dict.fromkeys(
             ("friedman", "repeated_measures", "mixed_model", "pairs", "binary"), empty(why)
         )
-    rng = np.random.default_rng([seed, *metric.encode()])
+    rng = rng_for(seed, metric)
     return rows | {
         "friedman": plain(friedman(table, rng=rng)),
         "repeated_measures": plain(repeated_measures(table)),

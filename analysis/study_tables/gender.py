@@ -9,6 +9,7 @@ from steerlab.analysis.statistics.outcome import NotComputable
 from steerlab.analysis.statistics.two_groups import hotelling_t2, welch_t
 from steerlab.analysis.study_data.records import Embeddings, StudyData
 from steerlab.analysis.study_tables.plain import empty, plain
+from steerlab.sim.seeds import rng_for
 
 GROUPS = ("woman", "man")
 
@@ -33,7 +34,7 @@ def gender(data: StudyData, embeddings: Embeddings, *, seed: int, permutations: 
         return empty("nobody who has w told their gender as woman or man")
     w = embeddings.of(people)
     women = np.array([told[one] == GROUPS[0] for one in people])
-    rng = np.random.default_rng([seed, *b"gender"])
+    rng = rng_for(seed, "gender")
     each = [welch_t(column[women], column[~women]) for column in w.T]
     adjusted = iter(
         holm(np.array([one.p for one in each if not isinstance(one, NotComputable)])).tolist()

@@ -20,6 +20,7 @@ from steerlab.analysis.study_tables.constructs import Construct
 from steerlab.analysis.study_tables.gender import gender
 from steerlab.analysis.study_tables.plain import empty, is_empty, plain
 from steerlab.sim.arrays import FloatArray
+from steerlab.sim.seeds import rng_for
 
 
 def table2(
@@ -60,7 +61,7 @@ def matched(embeddings: Embeddings, construct: Construct) -> tuple[tuple[str, ..
 def _row(data: StudyData, construct: Construct, seed: int, permutations: int) -> dict[str, Any]:
     first = data.embeddings[0]
     people, values = matched(first, construct)
-    rng = np.random.default_rng([seed, *construct.key.encode()])
+    rng = rng_for(seed, construct.key)
     missing = _why_missing(construct) if len(people) < FEWEST else None
     row: dict[str, Any] = {
         "key": construct.key,

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from steerlab.analysis.statistics.multiple_correlation import PERMUTATIONS, multiple_correlation
 from steerlab.analysis.statistics.outcome import FEWEST
 from steerlab.analysis.study_data.records import Person, StudyData
@@ -23,6 +21,7 @@ from steerlab.analysis.study_tables.plain import empty, plain
 from steerlab.analysis.study_tables.style_table import exact_styles, style_table
 from steerlab.analysis.study_tables.table1 import NO_SURVEYS, describe_people, table1
 from steerlab.analysis.study_tables.table2 import matched, table2
+from steerlab.sim.seeds import rng_for
 
 KEYS = (
     "table1",
@@ -112,7 +111,7 @@ def _without_flagged(
                     multiple_correlation(
                         data.embeddings[0].of(who),
                         values,
-                        rng=np.random.default_rng([config.seed, *one.key.encode()]),
+                        rng=rng_for(config.seed, one.key),
                         permutations=config.permutations,
                     )
                 )
