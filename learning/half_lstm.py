@@ -8,6 +8,9 @@ the whole network that were here before (AVX-512 machine shared with others, one
 loops are plain; what the compiler makes of them rounds as it suits the processor.
 """
 
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -172,33 +175,65 @@ def _backward(
 
 class _LastHidden(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, samples: Tensor, weight: Tensor) -> Tensor:
-        """samples: (steps, batch, 2), weight: (4 H, H + TILE) -> (batch, H)."""
-        steps, batch = samples.shape[:2]
-        units, blocks = len(weight) // 4, -(-batch // LANES)
-        read = torch.zeros(blocks, steps + 1, units + TILE, LANES)
-        lanes = torch.nn.functional.pad(samples, (0, 0, 0, blocks * LANES - batch))
-        read[:, :steps, units : units + 2] = lanes.view(steps, blocks, LANES, 2).permute(1, 0, 3, 2)
-        read[:, :steps, units + 2] = 1.0
-        gates = torch.empty(blocks, steps, 4 * units, LANES)
-        cells = torch.empty(blocks, steps + 1, units, LANES)
-        _forward(*(one.detach().numpy() for one in (weight, read, gates, cells)))
-        ctx.save_for_backward(weight, read, gates, cells)
-        return read[:, steps, :units].transpose(1, 2).reshape(-1, units)[:batch]
+    def forward(ctx: Any, past: Tensor, future: Tensor, *weights: Tensor) -> Tensor:
+        """Two of (steps, batch, 2), two of (4 H, H + TILE) -> (batch, 2 H)."""
+        batch, units = past.shape[1], len(weights[0]) // 4
+        states = [_room(samples, units) for samples in (past, future)]
+        _side_by_side(_forward, [(w, *state) for w, state in zip(weights, states, strict=True)])
+        ctx.save_for_backward(*weights, *states[0], *states[1])
+        last = [read[:, -1, :units].transpose(1, 2).reshape(-1, units) for read, _, _ in states]
+        return torch.cat(last, dim=1)[:batch]
 
     @staticmethod
-    def backward(ctx: Any, by_hidden: Tensor) -> tuple[None, Tensor]:  # pyright: ignore
-        weight, read, gates, cells = ctx.saved_tensors
-        units, blocks = by_hidden.shape[1], len(gates)
-        by = torch.nn.functional.pad(by_hidden, (0, 0, 0, blocks * LANES - len(by_hidden)))
-        by = by.view(blocks, LANES, units).transpose(1, 2).contiguous()
-        turned, by_weight = weight[:, :units].T.contiguous(), torch.zeros_like(weight)
-        _backward(*(one.numpy() for one in (turned, read, gates, cells, by, by_weight)))
-        return None, by_weight
+    def backward(ctx: Any, by_hidden: Tensor) -> tuple[Tensor | None, ...]:  # pyright: ignore
+        weights, states = ctx.saved_tensors[:2], ctx.saved_tensors[2:]
+        blocks = len(states[0])
+        lanes = torch.nn.functional.pad(by_hidden, (0, 0, 0, blocks * LANES - len(by_hidden)))
+        halves = lanes.view(blocks, LANES, by_hidden.shape[1]).transpose(1, 2).chunk(2, dim=1)
+        by_weights = [torch.zeros_like(weight) for weight in weights]
+        both = zip(weights, (states[:3], states[3:]), halves, by_weights, strict=True)
+        _side_by_side(
+            _backward,
+            [
+                (w[:, : len(w) // 4].T.contiguous(), *state, by.contiguous(), by_weight)
+                for w, state, by, by_weight in both
+            ],
+        )
+        return None, None, *by_weights
 
 
-def last_hidden(lstm: nn.LSTM, samples: Tensor) -> Tensor:
-    """samples: (steps, batch, 2) -> (batch, H)."""
+def _room(samples: Tensor, units: int) -> tuple[Tensor, Tensor, Tensor]:
+    """What ``_forward`` reads and fills for samples (steps, batch, 2): read, gates, cells."""
+    steps, batch = samples.shape[:2]
+    blocks = -(-batch // LANES)
+    read = torch.zeros(blocks, steps + 1, units + TILE, LANES)
+    lanes = torch.nn.functional.pad(samples, (0, 0, 0, blocks * LANES - batch))
+    read[:, :steps, units : units + 2] = lanes.view(steps, blocks, LANES, 2).permute(1, 0, 3, 2)
+    read[:, :steps, units + 2] = 1.0
+    gates = torch.empty(blocks, steps, 4 * units, LANES)
+    return read, gates, torch.empty(blocks, steps + 1, units, LANES)
+
+
+def _side_by_side(kernel: Callable[..., None], calls: Sequence[tuple[Tensor, ...]]) -> None:
+    """The halves share nothing: the second is left to another thread, if a core has time for it."""
+    first, second = ([one.detach().numpy() for one in tensors] for tensors in calls)
+    other = _other_thread().submit(kernel, *second)
+    kernel(*first)
+    other.result()
+
+
+@cache
+def _other_thread() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(max_workers=1, thread_name_prefix="half-lstm")
+
+
+def last_hidden(lstms: tuple[nn.LSTM, nn.LSTM], past: Tensor, future: Tensor) -> Tensor:
+    """past, future: (steps, batch, 2), as each LSTM reads them -> (batch, 2 H)."""
+    return _LastHidden.apply(past, future, *(_weight(lstm) for lstm in lstms))
+
+
+def _weight(lstm: nn.LSTM) -> Tensor:
+    """(4 H, H + TILE), of hidden units, two channels, a constant 1 and padding."""
     by_input, by_hidden, input_bias, hidden_bias = lstm.parameters()
     beside = torch.stack([input_bias + hidden_bias, torch.zeros_like(input_bias)], dim=1)
-    return _LastHidden.apply(samples, torch.cat([by_hidden, by_input, beside], dim=1))
+    return torch.cat([by_hidden, by_input, beside], dim=1)

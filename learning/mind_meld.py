@@ -45,9 +45,23 @@ class WindowEncoder(nn.Module):
     def forward(self, inputs: Tensor) -> Tensor:
         """inputs: (batch, window, channels) -> z: (batch, k)."""
         samples, centre = inputs.transpose(0, 1), inputs.shape[1] // 2
-        past = _last_hidden(self.forward_lstm, samples[: centre + 1])
-        future = _last_hidden(self.backward_lstm, samples[centre:].flip(0))
-        return self.to_encoding(torch.cat([past, future], dim=1))
+        past, future = samples[: centre + 1], samples[centre:].flip(0)
+        if self._is_trained_here(samples):
+            from steerlab.learning.half_lstm import last_hidden  # numba is needed for no more
+
+            hidden = last_hidden((self.forward_lstm, self.backward_lstm), past, future)
+        else:
+            _, (of_past, _) = self.forward_lstm(past)
+            _, (of_future, _) = self.backward_lstm(future)
+            hidden = torch.cat([of_past[0], of_future[0]], dim=1)
+        return self.to_encoding(hidden)
+
+    def _is_trained_here(self, samples: Tensor) -> bool:
+        """Whether the compiled way serves: in training on a processor."""
+        weight = self.forward_lstm.weight_hh_l0
+        wanted = torch.is_grad_enabled() and weight.requires_grad and not samples.requires_grad
+        of_tiles = weight.device.type == "cpu" and self.forward_lstm.hidden_size % 4 == 0
+        return bool(wanted and of_tiles and weight.dtype == samples.dtype == torch.float32)
 
     def bidirectional(self) -> nn.LSTM:
         """An ordinary bidirectional LSTM with these weights; for checks and benchmarks."""
@@ -57,23 +71,6 @@ class WindowEncoder(nn.Module):
         weights = {f"{name}_reverse": value for name, value in reverse.items()}
         both.load_state_dict({**self.forward_lstm.state_dict(), **weights})
         return both
-
-
-def _last_hidden(lstm: nn.LSTM, samples: Tensor) -> Tensor:
-    """samples: (steps, batch, channels) -> (batch, H); in training on a processor, the compiled way."""
-    if _is_trained_here(lstm, samples):
-        from steerlab.learning.half_lstm import last_hidden  # numba is needed for no more
-
-        return last_hidden(lstm, samples)
-    _, (last, _) = lstm(samples)
-    return last[0]
-
-
-def _is_trained_here(lstm: nn.LSTM, samples: Tensor) -> bool:
-    weight = lstm.weight_hh_l0
-    wanted = torch.is_grad_enabled() and weight.requires_grad and not samples.requires_grad
-    of_tiles = weight.device.type == "cpu" and lstm.hidden_size % 4 == 0
-    return bool(wanted and of_tiles and weight.dtype == samples.dtype == torch.float32)
 
 
 class DifferenceNetwork(nn.Module):

@@ -8,6 +8,10 @@ from steerlab.learning.half_lstm import LANES, last_hidden
 from steerlab.learning.training import torch_threads
 
 
+def pair_of(units: int, seed: int) -> tuple[nn.LSTM, nn.LSTM]:
+    return lstm_of(units, seed), lstm_of(units, seed + 1000)
+
+
 def lstm_of(units: int, seed: int) -> nn.LSTM:
     lstm, generator = nn.LSTM(2, units), torch.Generator().manual_seed(seed)
     with torch.no_grad():
@@ -24,41 +28,51 @@ def lstm_of(units: int, seed: int) -> nn.LSTM:
     seed=st.integers(0, 2**31),
 )
 def test_state_and_gradient_are_torchs(units, batch, steps, seed):
-    lstm, generator = lstm_of(units, seed % 7), torch.Generator().manual_seed(seed)
-    samples = 2.5 * torch.randn(steps, batch, 2, generator=generator)
-    by = torch.randn(batch, units, generator=generator)
-    got = last_hidden(lstm, samples)
-    slopes = torch.autograd.grad(got, list(lstm.parameters()), by)
-    lstm.double()
+    lstms, generator = pair_of(units, seed % 7), torch.Generator().manual_seed(seed)
+    halves = [2.5 * torch.randn(steps, batch, 2, generator=generator) for _ in lstms]
+    by = torch.randn(batch, 2 * units, generator=generator)
+    weights = [one for lstm in lstms for one in lstm.parameters()]
+    got = last_hidden(lstms, *halves)
+    slopes = torch.autograd.grad(got, weights, by)
+    for lstm in lstms:
+        lstm.double()
     with torch_threads(1):
         if batch:
-            _, (last, _) = lstm(samples.double())
-            expected = last[0]
-            by_torch = torch.autograd.grad(expected, list(lstm.parameters()), by.double())
+            last = [
+                lstm(samples.double())[1][0][0] for lstm, samples in zip(lstms, halves, strict=True)
+            ]
+            expected = torch.cat(last, dim=1)
+            weights = [one for lstm in lstms for one in lstm.parameters()]
+            by_torch = torch.autograd.grad(expected, weights, by.double())
         else:
-            expected = torch.zeros(0, units)
-            by_torch = [torch.zeros_like(one) for one in lstm.parameters()]
+            expected = torch.zeros(0, 2 * units)
+            by_torch = [torch.zeros_like(one) for one in weights]
     torch.testing.assert_close(got.double(), expected.double(), atol=2e-6, rtol=0)
     for slope, other in zip(slopes, by_torch, strict=True):
         scale = float(other.abs().max()) if other.numel() else 0.0
-        torch.testing.assert_close(slope.double(), other, atol=1e-5 * scale + 1e-6, rtol=0)
+        torch.testing.assert_close(slope.double(), other.double(), atol=1e-5 * scale + 1e-6, rtol=0)
 
 
 def test_views_are_taken_and_nan_shows():
-    lstm = lstm_of(8, 0)
+    lstms = pair_of(8, 0)
     wide = torch.randn(40, 21, 3, generator=torch.Generator().manual_seed(0))
     view = wide.transpose(0, 1)[::2, :, 1:]
-    assert torch.equal(last_hidden(lstm, view), last_hidden(lstm, view.clone()))
+    assert torch.equal(
+        last_hidden(lstms, view, view), last_hidden(lstms, view.clone(), view.clone())
+    )
     with torch.no_grad():
-        next(lstm.parameters())[3, 1] = float("nan")
-    assert last_hidden(lstm, view).isnan().any()
+        next(lstms[1].parameters())[3, 1] = float("nan")
+    past, future = last_hidden(lstms, view, view).chunk(2, dim=1)
+    assert future.isnan().any()
+    assert not past.isnan().any()
 
 
 def test_a_windows_state_depends_on_no_other():
-    lstm = lstm_of(32, 0)
+    lstms = pair_of(32, 0)
     samples = torch.randn(11, 300, 2, generator=torch.Generator().manual_seed(0))
-    together = last_hidden(lstm, samples)
-    assert torch.equal(last_hidden(lstm, samples[:, 137:138]), together[137:138])
+    one = samples[:, 137:138]
+    together = last_hidden(lstms, samples, samples.flip(0))
+    assert torch.equal(last_hidden(lstms, one, one.flip(0)), together[137:138])
 
 
 @pytest.mark.parametrize("units", [3, 33])
