@@ -1,13 +1,18 @@
 """A folder of results that is there whole, or not at all."""
 
+import ctypes
 import os
 import shutil
-import tempfile
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from steerlab.sim.errors import SteerlabError
+from steerlab.sim.files.whole_file import abandoned, sync_folder, workspace
+
+_NEW, _OLD = "new", "old"
+_AT_FDCWD, _EXCHANGE = -100, 2  # linux/fcntl.h, linux/fs.h; 2 is RENAME_SWAP of macOS too
 
 
 class OutputError(SteerlabError):
@@ -16,61 +21,108 @@ class OutputError(SteerlabError):
 
 @contextmanager
 def output_folder(path: Path, *, force: bool = False) -> Iterator[Path]:
-    """Give a new folder beside ``path`` to write to, and rename it to ``path`` at the end.
+    """Give a new folder to write to, and put it in place of ``path`` at the end.
 
-    If the block raises, the new folder is removed and ``path`` is as it was.
+    If the block raises, ``path`` is as it was. A program that is killed leaves the old folder or
+    the new one under this name; on systems that cannot exchange two names at once the old one may
+    be hidden until the next call, which brings it back.
 
     Args:
+        path: a link to a folder stands for that folder.
         force: replace a folder that is not empty.
 
     Raises:
-        OutputError: ``path`` is a file, is not empty, or lies where nothing can be written.
+        OutputError: ``path`` is a file, is not empty, is the folder that the program was started
+            in, or lies where nothing can be written.
     """
-    path = path.absolute()
-    if path.exists() and not path.is_dir():
-        raise OutputError(f"{path} is a file; choose a folder for --out.")
-    if path.is_dir() and any(path.iterdir()) and not force:
-        raise OutputError(
-            f"{path} is not empty; choose another folder, or add --force to replace it."
-        )
+    path = Path(os.path.realpath(path))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(prefix=f".{path.name}-", suffix=".part", dir=path.parent))
+        for left in abandoned(path):
+            _finish(left, path)
     except OSError as error:
         raise OutputError(
             f"Cannot write to {path.parent}: {error.strerror or error}; choose another --out."
         ) from error
+    _refuse_what_is_there(path, force)
     try:
-        yield fresh
-        fresh.chmod(0o755 & ~_umask())
-        _put_in_place(fresh, path)
+        with workspace(path) as room:
+            fresh = room / _NEW
+            fresh.mkdir()
+            yield fresh
+            _sync_tree(fresh)
+            _refuse_what_is_there(path, force)  # of another program meanwhile
+            _put_in_place(room, path)
     except OSError as error:
         raise OutputError(
             f"Cannot write results for {path}: {error.strerror or error}; nothing was kept. "
             "Make room, or choose another --out."
         ) from error
-    finally:
-        shutil.rmtree(fresh, ignore_errors=True)
 
 
-def _put_in_place(fresh: Path, path: Path) -> None:
-    """The old folder is removed only once the new one is there."""
+def _refuse_what_is_there(path: Path, force: bool) -> None:
+    if path.exists() and not path.is_dir():
+        raise OutputError(f"{path} is a file; choose a folder for --out.")
+    if path.is_dir() and Path.cwd().is_relative_to(path):
+        raise OutputError(
+            f"{path} is the folder you are in, or holds it, and would be replaced as a whole; "
+            "choose a new folder inside it for --out."
+        )
+    if path.is_dir() and any(path.iterdir()) and not force:
+        raise OutputError(
+            f"{path} is not empty; choose another folder, or add --force to replace it."
+        )
+
+
+def _sync_tree(folder: Path) -> None:
+    """Wait until the disk has all that is in ``folder``."""
+    for parent, _, names in os.walk(folder):
+        for name in names:
+            with open(Path(parent, name), "r+b") as file:
+                os.fsync(file.fileno())
+        sync_folder(Path(parent))
+
+
+def _put_in_place(room: Path, path: Path) -> None:
+    fresh = room / _NEW
     if not path.exists():
         fresh.rename(path)
-        return
-    old = Path(tempfile.mkdtemp(prefix=f".{path.name}-", suffix=".old", dir=path.parent))
-    try:
-        shutil.move(path, old)  # a copy where a layered file system cannot rename a folder
+    elif not exchange(fresh, path):
+        _set_aside(path, room)
         try:
             fresh.rename(path)
         except OSError:
-            shutil.move(old / path.name, path)
+            (room / _OLD).rename(path)
             raise
-    finally:
-        shutil.rmtree(old, ignore_errors=True)
+    sync_folder(path.parent)
 
 
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+def _set_aside(path: Path, room: Path) -> None:
+    """Move ``path`` to ``room/old``, which is there only when it is whole."""
+    try:
+        path.rename(room / _OLD)
+    except OSError:  # a layered file system cannot rename a folder of a lower layer
+        shutil.copytree(path, room / "copy", symlinks=True)
+        (room / "copy").rename(room / _OLD)
+        shutil.rmtree(path)
+
+
+def _finish(room: Path, path: Path) -> None:
+    """Undo what a killed program had begun: the old folder comes back if the new one never came."""
+    if (room / _OLD).is_dir() and (room / _NEW).is_dir():
+        if path.exists():  # half removed after it was copied
+            shutil.rmtree(path)
+        (room / _OLD).rename(path)
+    shutil.rmtree(room, ignore_errors=True)
+
+
+def exchange(first: Path, second: Path) -> bool:
+    """Let two paths of one file system swap their names at once; False where that is not known."""
+    names = os.fsencode(first), os.fsencode(second)
+    try:
+        libc = ctypes.CDLL(None, use_errno=True)
+        if sys.platform == "darwin":
+            return libc.renamex_np(*names, _EXCHANGE) == 0
+        return libc.renameat2(_AT_FDCWD, names[0], _AT_FDCWD, names[1], _EXCHANGE) == 0
+    except (OSError, AttributeError, TypeError):  # no such call; Windows has no CDLL(None)
+        return False

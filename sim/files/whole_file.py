@@ -1,31 +1,87 @@
 """Files that appear whole or not at all, and survive a power cut as far as the system promises it."""
 
 import os
-from collections.abc import Generator
+import shutil
+import tempfile
+import time
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+_PREFIX, _SUFFIX = ".", ".part"
+_OWNER = "owner.lock"
+_UNLOCKED_S = (
+    3600.0  # a workspace is locked as soon as it is made, unless its maker died in between
+)
 
 
 @contextmanager
 def whole_file(path: Path) -> Generator[Path]:
-    """A file beside ``path`` to write and close; it becomes ``path`` if the block ends well.
+    """A file to write and close elsewhere; it becomes ``path`` if the block ends well.
 
     A reader of ``path`` sees what was there before or all that is new, never half of it. If the
-    block raises, ``path`` is as it was. One writer at a time: two would write to the same file.
+    block raises, ``path`` is as it was. Of several writers at a time the last to finish counts.
 
     Raises:
         OSError: the disk does not take it.
     """
-    part = path.with_name(f".{path.name}.part")
-    try:
+    with workspace(path) as room:
+        part = room / path.name
         yield part
         rename_durably(part, path)
-    except BaseException:
-        # Windows deletes no file that is still open. What came first counts, and the next attempt
-        # writes over what is left.
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
-        raise
+
+
+@contextmanager
+def workspace(path: Path) -> Generator[Path]:
+    """A hidden folder beside ``path``, in which it can be prepared; removed in the end.
+
+    It is locked as long as the block lasts. What killed programs left of earlier ones for the same
+    ``path`` is removed first.
+
+    Raises:
+        OSError: nothing can be written there.
+    """
+    for left in abandoned(path):
+        shutil.rmtree(left, ignore_errors=True)
+    room = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{path.name}-", suffix=_SUFFIX, dir=path.parent))
+    lock = _lock(room)
+    try:
+        with suppress(OSError, NotImplementedError):  # no locks here: then it is never removed
+            lock.acquire()
+        yield room
+    finally:
+        lock.release()
+        shutil.rmtree(room, ignore_errors=True)  # Windows deletes no file that is still open
+
+
+def abandoned(path: Path) -> Iterator[Path]:
+    """Workspaces for ``path`` whose owners are gone."""
+    start = f"{_PREFIX}{path.name}-"
+    with suppress(OSError):  # whoever writes there will say it
+        for room in sorted(path.parent.iterdir()):
+            ours = room.name.startswith(start) and room.name.endswith(_SUFFIX)
+            # Further dashes and dots would belong to another file: `.a-b-xyz.part` is of `a-b`.
+            unique = room.name[len(start) : -len(_SUFFIX)]
+            if ours and "-" not in unique and "." not in unique and _is_abandoned(room):
+                yield room
+
+
+def _is_abandoned(room: Path) -> bool:
+    if not (room / _OWNER).is_file():
+        return time.time() - room.stat().st_mtime > _UNLOCKED_S
+    lock = _lock(room)
+    try:
+        lock.acquire()
+    except (Timeout, OSError, NotImplementedError):
+        return False
+    lock.release()
+    return True
+
+
+def _lock(room: Path) -> FileLock:
+    return FileLock(room / _OWNER, blocking=False, fallback_to_soft=False, thread_local=False)
 
 
 def rename_durably(part: Path, path: Path) -> None:

@@ -1,8 +1,12 @@
 import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
-from steerlab.sim.files.output_folder import OutputError, output_folder
+from steerlab.sim.files import output_folder as module
+from steerlab.sim.files.output_folder import OutputError, exchange, output_folder
 
 
 class Interrupted(Exception):
@@ -81,7 +85,87 @@ def test_folders_of_a_layered_file_system_are_replaced_too(tmp_path, monkeypatch
         rename(source, target, **rest)
 
     monkeypatch.setattr(os, "rename", refuse)
+    monkeypatch.setattr(module, "exchange", lambda first, second: False)
     with output_folder(out, force=True) as folder:
         (folder / "new").write_text("1")
     assert os.listdir(out) == ["new"]
+    assert os.listdir(tmp_path) == ["out"]
+
+
+def test_two_folders_swap_their_names_at_once(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "was").write_text(name)
+    assert exchange(tmp_path / "a", tmp_path / "b")
+    assert (tmp_path / "a" / "was").read_text() == "b"
+    assert (tmp_path / "b" / "was").read_text() == "a"
+    assert not exchange(tmp_path / "a", tmp_path / "missing")
+
+
+_KILLED = """
+import os, signal, sys
+from pathlib import Path
+from steerlab.sim.files import output_folder as module
+if sys.argv[2] != "here":
+    module.exchange = lambda first, second: False
+def kill(*_, **__):
+    os.kill(os.getpid(), signal.SIGKILL)
+if sys.argv[2] == "copying":  # a layered file system
+    os.rename, module.shutil.rmtree = (lambda *_: (_ for _ in ()).throw(OSError(18, "x"))), kill
+elif sys.argv[2] == "between":
+    put = Path.rename
+    Path.rename = lambda a, b: kill() if a.name == "new" else put(a, b)
+with module.output_folder(Path(sys.argv[1]), force=True) as folder:
+    (folder / "new").write_text("1")
+    if sys.argv[2] == "here":
+        kill()
+"""
+
+
+@pytest.mark.parametrize("where", ["here", "between", "copying"])
+def test_a_killed_program_loses_no_results_and_leaves_nothing_for_long(tmp_path, where):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "old").write_text("precious")
+    killed = subprocess.run([sys.executable, "-c", _KILLED, str(out), where], check=False)
+    assert killed.returncode == -9
+    assert len(os.listdir(tmp_path)) == (1 if where == "between" else 2)
+    with pytest.raises(OutputError, match="--force"), output_folder(out):
+        pass
+    assert os.listdir(tmp_path) == ["out"]
+    assert (out / "old").read_text() == "precious"
+
+
+def test_a_link_stands_for_its_folder(tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    with output_folder(tmp_path / "link") as folder:
+        (folder / "a").write_text("1")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real" / "a").read_text() == "1"
+
+
+@pytest.mark.parametrize("out", [".", ".."])
+def test_the_folder_one_is_in_is_not_replaced(tmp_path, monkeypatch, out):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    with (
+        pytest.raises(OutputError, match="folder you are in"),
+        output_folder(Path(out), force=True),
+    ):
+        pass
+
+
+def test_results_that_came_meanwhile_are_not_replaced_unless_forced(tmp_path):
+    out = tmp_path / "out"
+
+    def write():
+        with output_folder(out) as folder:
+            (folder / "a").write_text("1")
+            out.mkdir()
+            (out / "other").write_text("2")
+
+    with pytest.raises(OutputError, match="not empty"):
+        write()
+    assert os.listdir(out) == ["other"]
     assert os.listdir(tmp_path) == ["out"]

@@ -2,6 +2,8 @@
 
 import os
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -16,8 +18,7 @@ def test_a_file_appears_whole_and_replaces_its_older_self(tmp_path):
     with whole_file(path) as part:
         part.write_text("new")
         assert path.read_text() == "old"
-        assert part.parent == tmp_path
-        assert part.suffix == ".part"
+        assert part.parent.suffix == ".part"
     assert path.read_text() == "new"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -32,15 +33,38 @@ def test_a_block_that_fails_leaves_all_as_it_was(tmp_path, error):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_what_failed_first_is_told_when_the_part_cannot_be_deleted_either(tmp_path, monkeypatch):
-    """As on Windows, while the writer still has it open; the next attempt writes over it."""
-    with monkeypatch.context() as patch:
-        patch.setattr(files.Path, "unlink", _refuse)
-        with pytest.raises(ValueError, match="first"):
-            _fail(tmp_path / "a.txt", ValueError("first"))
-    with whole_file(tmp_path / "a.txt") as part:
+def test_two_writers_of_one_file_do_not_meet(tmp_path):
+    path = tmp_path / "a.txt"
+    with whole_file(path) as one:
+        one.write_text("one")
+        with whole_file(path) as other:
+            other.write_text("other")
+        assert path.read_text() == "other"
+        assert one.read_text() == "one"
+    assert path.read_text() == "one"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+_KILLED = """
+import os, signal, sys
+from pathlib import Path
+from steerlab.sim.files.whole_file import whole_file
+with whole_file(Path(sys.argv[1])) as part:
+    part.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_what_a_killed_writer_left_is_removed_by_the_next_one_for_the_same_file(tmp_path):
+    path, namesake = tmp_path / "a.txt", tmp_path / "a.txt-b"
+    for victim in (path, namesake):
+        subprocess.run([sys.executable, "-c", _KILLED, str(victim)], check=False)
+    assert len(list(tmp_path.iterdir())) == 2
+    with whole_file(path) as part:
         part.write_text("whole")
-    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
+    left = [found.name for found in tmp_path.iterdir() if found != path]
+    assert len(left) == 1
+    assert left[0].startswith(".a.txt-b-")
 
 
 def _fail(path: Path, error: BaseException) -> None:
