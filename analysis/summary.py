@@ -19,7 +19,7 @@ MAPPER = "mind_meld"
 
 
 class InvalidSummary(SteerlabError, ValueError):
-    """What was found cannot be summed up: nobody is left to judge, or a number is not defined."""
+    """The results have no summary: nobody is left to judge, or a number is not defined."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -54,7 +54,7 @@ class SplitSummary:
         """From the quality of each method on one split.
 
         Args:
-            ladder: by method; one is MIND MELD.
+            ladder: by method, MIND MELD among them.
             unit: what one wheel unit is in the units to report errors in.
 
         Raises:
@@ -73,7 +73,7 @@ class SplitSummary:
             labels=best.labels,
             mae_before=unit * best.mae_before,
             mae_after=unit * best.mae_after,
-            improvement={method: one.improvement for method, one in ladder.items()},
+            improvement={method: quality.improvement for method, quality in ladder.items()},
             ci95=best.ci95,
             person_median=best.person_median,
             people_improved=best.people_improved,
@@ -95,8 +95,8 @@ class SplitSummary:
         if MAPPER not in self.improvement:
             allowed = f"of several methods, one of them {MAPPER!r}"
             raise InvalidValue("improvement", sorted(self.improvement), allowed)
-        for place, limit in enumerate(self.ci95):
-            _check_finite(f"ci95[{place}]", limit)
+        for index, limit in enumerate(self.ci95):
+            _check_finite(f"ci95[{index}]", limit)
         if self.ci95[0] > self.ci95[1]:
             raise InvalidValue("ci95", [*self.ci95], "the lower limit first, then the upper one")
 
@@ -142,12 +142,12 @@ class Summary:
     verb: str = "simulate"
 
     def __post_init__(self) -> None:
-        for name, found, wanted in (
+        for name, given, wanted in (
             ("splits", self.splits, SPLITS),
             ("style", self.style, STYLES),
         ):
-            if set(found) != set(wanted):
-                raise InvalidValue(name, sorted(found), f"of {' and '.join(sorted(wanted))}")
+            if set(given) != set(wanted):
+                raise InvalidValue(name, sorted(given), f"of {' and '.join(sorted(wanted))}")
         for name, value in self.seconds.items():
             _check_finite(f"seconds.{name}", value)
         methods = [set(self.splits[split].improvement) for split in SPLITS]
@@ -165,7 +165,7 @@ class Summary:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values in a fixed order, floats rounded to ``DIGITS``."""
-        return _rounded(
+        return rounded(
             {
                 "schema": SUMMARY_SCHEMA,
                 "verb": self.verb,
@@ -181,7 +181,7 @@ class Summary:
 
     def to_json(self) -> str:
         """The summary as JSON: equal summaries give equal text."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        return summary_json(self.to_dict())
 
     @classmethod
     def from_json(cls, text: str) -> Self:
@@ -201,11 +201,17 @@ def _check_finite(path: str, value: float) -> None:
         raise InvalidValue(path, value, "a finite number")
 
 
-def _rounded(value: Any) -> Any:
+def summary_json(values: Mapping[str, Any]) -> str:
+    """The text of ``summary.json``; a NaN is refused."""
+    return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def rounded(value: Any) -> Any:
+    """``value`` as JSON has it, with floats rounded to ``DIGITS``."""
     if isinstance(value, Mapping):
-        return {name: _rounded(part) for name, part in value.items()}
+        return {name: rounded(item) for name, item in value.items()}
     if isinstance(value, tuple | list):
-        return [_rounded(part) for part in value]
+        return [rounded(item) for item in value]
     if isinstance(value, Integral):
         return int(value)  # numpy's are no JSON
     if isinstance(value, Real):

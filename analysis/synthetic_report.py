@@ -1,6 +1,5 @@
 """The synthetic experiment in numbers and as a page, beside what the paper reports."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import degrees
@@ -10,12 +9,13 @@ from matplotlib.figure import Figure
 
 from steerlab.analysis.page import render_page
 from steerlab.analysis.summary import (
-    DIGITS,
     MAPPER,
     SUMMARY_SCHEMA,
     InvalidSummary,
     SplitSummary,
     StyleSummary,
+    rounded,
+    summary_json,
 )
 from steerlab.analysis.wording import left_out_reasons, percent, percent_range, teachers
 
@@ -53,7 +53,7 @@ class SyntheticSummary:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values in a fixed order, floats rounded to ``DIGITS``."""
-        return _rounded(
+        return rounded(
             {
                 "schema": SUMMARY_SCHEMA,
                 "verb": "synthetic",
@@ -69,14 +69,7 @@ class SyntheticSummary:
 
     def to_json(self) -> str:
         """The summary as JSON: equal summaries give equal text."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-@dataclass(frozen=True, kw_only=True)
-class SyntheticFigures:
-    """The page's only figure."""
-
-    figure2: Figure
+        return summary_json(self.to_dict())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +80,7 @@ class SyntheticReport:
         interval: by split and then method, the 95 % interval of its improvement.
         wheel_per_rad: how labels were scaled to be learned.
         drive: name of the drive whose labels are shown.
+        figure2: as ``synthetic_figure`` makes it.
     """
 
     summary: SyntheticSummary
@@ -96,7 +90,7 @@ class SyntheticReport:
     shift_s: float
     magnitude: tuple[float, float]
     drive: str
-    figures: SyntheticFigures
+    figure2: Figure
 
 
 def headline(summary: SyntheticSummary) -> str:
@@ -132,7 +126,7 @@ def render_synthetic_report(report: SyntheticReport) -> str:
     return render_page(
         "synthetic.html.j2",
         values=summary.to_dict(),
-        figures=report.figures,
+        figures={"figure2": report.figure2},
         report=report,
         summary=summary,
         splits=SYNTHETIC_SPLITS,
@@ -142,11 +136,3 @@ def render_synthetic_report(report: SyntheticReport) -> str:
         headline=headline(summary),
         degrees_per_unit=f"{degrees(1.0 / report.wheel_per_rad):.4g}",
     )
-
-
-def _rounded(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _rounded(part) for name, part in value.items()}
-    if isinstance(value, tuple | list):
-        return [_rounded(part) for part in value]
-    return round(value, DIGITS) + 0.0 if isinstance(value, float) else value

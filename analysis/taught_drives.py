@@ -9,14 +9,15 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from steerlab.analysis.figures.learners import learner_looks, learner_name
+from steerlab.analysis.figures.look import learner_looks
+from steerlab.analysis.wording import learner_name
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import WorldSpec
 from steerlab.study.recording import layout
-from steerlab.study.recording.errors import RecordingUnavailable
+from steerlab.study.recording.rebuild import whole_recording
 from steerlab.study.recording.scene import log_world
-from steerlab.study.recording.whole_recording import whole_recording
+from steerlab.study.recording.viewer import RecordingUnavailable
 
 ROUND, DRIVE = "round", "judged drive"  # timelines beside ``layout.TIME``
 POINT_S = 0.5  # between the points of a judged drive; the last may have come sooner
@@ -154,11 +155,11 @@ def _offsets(conditions: Sequence[Mapping[str, Any]]) -> list[float]:
 
 
 def _colours(names: Sequence[str]) -> dict[str, layout.Rgb]:
-    found: dict[str, layout.Rgb] = {}
+    colours: dict[str, layout.Rgb] = {}
     for name, look in learner_looks(names).items():
         red, green, blue = bytes.fromhex(look.colour.removeprefix("#"))
-        found[name] = (red, green, blue) if red + green + blue > 150 else _PALE_RGB
-    return found
+        colours[name] = (red, green, blue) if red + green + blue > 150 else _PALE_RGB
+    return colours
 
 
 def _key(name: str) -> str:
@@ -171,7 +172,7 @@ def _above(path_m: Any) -> FloatArray:
 
 
 def _blueprint(drives: TaughtDrives) -> Any:
-    """A small view for each learner: cars that do well would hide each other in one."""
+    """A small view for each learner: in one view the cars of good learners would hide each other."""
     success = rrb.TimeSeriesView(
         origin="/success",
         name="Success by round",

@@ -1,8 +1,7 @@
-"""Numbers and findings in words: what a page or a terminal says about a summary."""
+"""Numbers, names and results in words: what a page, a figure or a terminal says."""
 
 from collections.abc import Mapping
 
-from steerlab.analysis.figures.ladder import method_name
 from steerlab.analysis.summary import MAPPER, Summary
 
 _MINUS = "\u2212"
@@ -13,6 +12,56 @@ _PRETRAINED = ("sim_pretrained", "sim_pretrained_context")  # not simpler: it kn
 _SAME = ("mind_meld_paper",)  # other settings, not another method
 _TIE = 0.01
 _CI = f"95{_NARROW_SPACE}% CI"
+
+_METHODS = {
+    "identity": "labels as given",
+    "shared_gain": "one gain for all",
+    "person_gain": "a gain per person",
+    "person_gain_lag": "a gain and lag per person",
+    "shared_ridge": "one linear window for all",
+    "person_ridge": "a linear window per person",
+    "no_embedding": "network without embedding",
+    "mean_embedding": "MIND MELD with one embedding for all",
+    "shuffled_embedding": "MIND MELD with shuffled embeddings",
+    "mind_meld": "MIND MELD",
+    "mind_meld_paper": "MIND MELD, the paper's settings",
+    "eb_nonlinear": "a window per person, learned prior",
+    "sim_pretrained": "pre-trained on simulated people",
+    "sim_pretrained_context": "pre-trained, with the car's motion",
+    "true_style": "network told the true style",
+}
+_LEARNERS = {
+    "bc": "BC",
+    "dagger": "DAgger",
+    "dagger-beta": "DAgger, β = 0.5ⁱ",
+    "mind-meld": "MIND MELD",
+    "mind-meld-mean": "MIND MELD, mean w",
+    "oracle": "Oracle",
+    "hg-dagger": "HG-DAgger",
+    "safe-dagger": "SafeDAgger",
+    "ensemble-dagger": "EnsembleDAgger",
+    "eil": "EIL",
+    "coaching": "Coaching",
+    "shiv": "SHIV",
+    "confidence": "Confidence",
+    "mapped:sim_pretrained": "pre-trained mapper",
+    "mapped:sim_pretrained_context": "pre-trained, with motion",
+    "mapped:person_gain": "gain per person",
+    "mapped:person_gain_lag": "gain and lag per person",
+    "mapped:person_ridge": "ridge per person",
+    "mapped:true_style": "true style",
+}
+
+
+def method_name(method: str) -> str:
+    """A method's key in words; an unknown key is shown as it is, without underscores."""
+    return _METHODS.get(method, method.replace("_", " "))
+
+
+def learner_name(key: str) -> str:
+    """A learner's key in words, spelt as a learner or as a study's condition (``mind_meld``)."""
+    known = _LEARNERS.get(key) or _LEARNERS.get(key.replace("_", "-"))
+    return known or key.removeprefix("mapped:").replace("_", " ")
 
 
 def percent(fraction: float) -> str:
@@ -34,6 +83,13 @@ def decimal(value: float) -> str:
 def count(value: int) -> str:
     """A whole number, thousands apart: 13 600."""
     return f"{value:,}".replace(",", _NARROW_SPACE)
+
+
+def p_value(value: float) -> str:
+    """A p-value as journals print it: ``.012``, or ``< .001``."""
+    if value < 0.001:
+        return f"<{_NO_BREAK}.001"
+    return f"{value:.3f}".removeprefix("0") if value < 0.9995 else "1"
 
 
 def teachers(people: int) -> str:

@@ -8,18 +8,17 @@ from time import perf_counter
 from typing import Any
 
 from steerlab.analysis.study_data.conditions_file import left_out_teachers, read_conditions
-from steerlab.analysis.study_data.errors import NotAStudy
 from steerlab.analysis.study_data.networks import Progress
 from steerlab.analysis.study_data.population import is_population_run, read_population
-from steerlab.analysis.study_data.records import ConditionValue, Exclusion, StudyData
-from steerlab.analysis.study_data.study_data import read_study
+from steerlab.analysis.study_data.records import ConditionValue, Exclusion, NotAStudy, StudyData
+from steerlab.analysis.study_data.study import read_study
 from steerlab.analysis.study_tables.csv_files import csv_files
-from steerlab.analysis.study_tables.deviations import deviations
+from steerlab.analysis.study_tables.methods import deviations
 from steerlab.analysis.study_tables.report import AnalysisReport, render_analysis
 from steerlab.analysis.study_tables.tables import AnalysisConfig, analyse
 from steerlab.sim.files.output_folder import OutputError, output_folder
 from steerlab.sim.files.provenance import versions
-from steerlab.study.opened import DATABASE
+from steerlab.study.store.store import STUDY_FILE
 
 REPORT, PAGE, TABLES, SUMMARY = "report", "index.html", "tables.json", "summary.json"
 SCHEMA = 1
@@ -27,7 +26,7 @@ SCHEMA = 1
 
 @dataclass(frozen=True, kw_only=True)
 class AnalyzeConfig:
-    """What is analysed, and how.
+    """Settings of ``steerlab analyze``.
 
     Attributes:
         networks: how many are trained (or taken from the run) without the held-out rollouts.
@@ -40,7 +39,7 @@ class AnalyzeConfig:
 
 
 def default_out(folder: Path) -> Path:
-    """Where ``report/`` goes: into a study; beside a population run's own report."""
+    """The parent of ``report/``: the study; of a population run, which has a report, ``analysis``."""
     return folder / "analysis" if is_population_run(folder) else folder
 
 
@@ -73,26 +72,28 @@ def analyze(
     progress("writing the report", 0.0)
     files = csv_files(analysis.tables)
     seconds = {"read_and_train": read_s, "tables": tables_s}
-    found = versions()
+    installed = versions()
     page = render_analysis(
         AnalysisReport(
             analysis=analysis,
-            versions=found,
+            versions=installed,
             seconds=seconds,
             command=command,
             files=tuple(files),
         )
     )
-    summary = _summary(data, analysis.tables, found, seconds | {"all": perf_counter() - started})
+    summary = _summary(
+        data, analysis.tables, installed, seconds | {"all": perf_counter() - started}
+    )
     report = out / REPORT
-    ours = (report / TABLES).is_file()
+    is_ours = (report / TABLES).is_file()
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(
             f"Cannot write to {out}: {error.strerror or error}; choose another --out."
         ) from error
-    with output_folder(report, force=force or ours) as fresh:
+    with output_folder(report, force=force or is_ours) as fresh:
         (fresh / PAGE).write_text(page, encoding="utf-8")
         (fresh / TABLES).write_text(analysis.to_json(), encoding="utf-8")
         text = json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
@@ -104,24 +105,24 @@ def analyze(
 
 
 def _read(folder: Path, config: AnalyzeConfig, progress: Progress) -> StudyData:
-    if (folder / DATABASE).is_file():
+    if (folder / STUDY_FILE).is_file():
         data = read_study(folder, networks=config.networks, progress=progress)
     elif is_population_run(folder):
         data = read_population(folder, networks=config.networks, progress=progress)
     else:
         raise NotAStudy(
-            f"{folder} is no study and no population run: it has neither {DATABASE} nor "
+            f"{folder} is no study and no population run: it has neither {STUDY_FILE} nor "
             f"labels/seen.parquet. Give a folder made by steerlab study new or steerlab simulate; "
             f"outcomes of steerlab teach are given beside one of them, with --conditions."
         )
     if config.conditions is None:
         return data
-    found = with_conditions(data, read_conditions(config.conditions))
+    data = with_conditions(data, read_conditions(config.conditions))
     return replace(
-        found,
-        exclusions=(*found.exclusions, *left_out_teachers(config.conditions)),
+        data,
+        exclusions=(*data.exclusions, *left_out_teachers(config.conditions)),
         notices=(
-            *found.notices,
+            *data.notices,
             f"Outcomes of conditions were read from {config.conditions.name}, which is not part of "
             f"what is on record here.",
         ),
@@ -130,26 +131,26 @@ def _read(folder: Path, config: AnalyzeConfig, progress: Progress) -> StudyData:
 
 def with_conditions(data: StudyData, values: Sequence[ConditionValue]) -> StudyData:
     """``data`` with outcomes of conditions; of a study, only those of people who count."""
-    counted = {one.id for one in data.people}
-    strangers = dict.fromkeys(one.person for one in values if one.person not in counted)
     if data.kind == "population run":  # its teachers are others than those who taught
         return replace(data, conditions=(*data.conditions, *values))
-    left = tuple(
-        Exclusion(what="person", who=one, why="outcomes of conditions, but does not count here")
-        for one in strangers
-    )
-    kept = tuple(one for one in values if one.person in counted)
+    counted = {person.id for person in data.people}
+    kept = [value for value in values if value.person in counted]
+    uncounted = dict.fromkeys(value.person for value in values if value.person not in counted)
+    exclusions = [
+        Exclusion(what="person", who=who, why="outcomes of conditions, but does not count here")
+        for who in uncounted
+    ]
     return replace(
         data,
         conditions=(*data.conditions, *kept),
-        exclusions=(*data.exclusions, *left),
+        exclusions=(*data.exclusions, *exclusions),
     )
 
 
 def _summary(
     data: StudyData,
     tables: Mapping[str, Any],
-    found: Mapping[str, str],
+    installed: Mapping[str, str],
     seconds: Mapping[str, float],
 ) -> dict[str, Any]:
     return {
@@ -166,6 +167,6 @@ def _summary(
         },
         "deviations": deviations(data, tables["hypotheses"]),
         "notices": list(data.notices),
-        "versions": dict(sorted(found.items())),
+        "versions": dict(sorted(installed.items())),
         "seconds": {name: round(value, 2) for name, value in seconds.items()},
     }

@@ -8,7 +8,7 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
@@ -31,6 +31,7 @@ VERBS = (
 )
 """Each is a function of its name in a module of its name in ``commands``."""
 
+_WIDEST_HELP = 100  # characters
 _SIGPIPE = getattr(signal, "SIGPIPE", 13)  # Windows has no such signal
 
 
@@ -76,9 +77,7 @@ def _run(arguments: list[str]) -> int:
     if verb in VERBS:
         return _run_verb(verb, rest)
     if first in ("-h", "--help"):
-        from steerlab.app.commands.overview import overview
-
-        print("\n".join(overview({name: verb_function(name) for name in VERBS})))
+        print("\n".join(_overview({name: verb_function(name) for name in VERBS})))
         return 0
     if first == "--version":
         from importlib.metadata import version
@@ -92,6 +91,45 @@ def _run(arguments: list[str]) -> int:
         return tyro.extras.subcommand_cli_from_dict(every, prog="steerlab", args=arguments)
     print(f"steerlab: {_no_verb(first)}", file=sys.stderr)
     return 2
+
+
+def _overview(verbs: Mapping[str, Callable[..., int]]) -> list[str]:
+    """What ``steerlab --help`` says: every verb in a line, as wide as the terminal.
+
+    tyro would make a page of every verb's whole help, and build every verb's parser for it.
+
+    Args:
+        verbs: each verb's function; the first line of its docstring is what it does.
+    """
+    options = {"-h, --help": "Show this help.", "--version": "Show the version."}
+    does = {name: (function.__doc__ or "").partition("\n")[0] for name, function in verbs.items()}
+    return [
+        "usage: steerlab [-h] [--version] VERB ...",
+        "",
+        "A driving lab for studying how people teach robots.",
+        "",
+        "verbs:",
+        *_table(does),
+        "",
+        "options:",
+        *_table(options),
+        "",
+        "steerlab VERB --help has a verb's options, and an example.",
+    ]
+
+
+def _table(rows: Mapping[str, str]) -> list[str]:
+    from shutil import get_terminal_size
+    from textwrap import wrap
+
+    width = min(get_terminal_size().columns, _WIDEST_HELP)
+    column = 19  # where a verb's sentence begins
+    lines: list[str] = []
+    for name, text in rows.items():
+        first, *others = wrap(text, max(width - column, 20))
+        lines.append(f"  {name:<{column - 2}}{first}")
+        lines += [" " * column + other for other in others]
+    return lines
 
 
 def _run_verb(verb: str, arguments: list[str]) -> int:

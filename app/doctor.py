@@ -1,4 +1,4 @@
-"""``steerlab doctor``: what this machine can do, and how to mend what it cannot."""
+"""``steerlab doctor``: what this machine can do, and what to change where it falls short."""
 
 import os
 import shutil
@@ -29,7 +29,7 @@ def draw():
     try:
         with Driving(make_task("easy").world) as driving, Camera(driving.model, driving.data):
             pass
-    except NoRenderer:  # said by another line
+    except NoRenderer:  # another check reports it
         pass
 
 draw()
@@ -43,7 +43,7 @@ draw()
 
 @dataclass(frozen=True, kw_only=True)
 class CheckResult:
-    """One line of the doctor's; ``mend`` is empty where all is well."""
+    """One line of ``steerlab doctor``; ``mend`` says what to do, and is empty where ``ok``."""
 
     what: str
     found: str
@@ -53,13 +53,15 @@ class CheckResult:
 
 def examine(folder: Path) -> list[CheckResult]:
     """Python, processor, disk (of ``folder``), versions, OpenGL, physics, and drawing beside PyTorch."""
-    return [_python(), _processor(), _disk(folder), *_versions(), *_camera(), _training()]
+    return [_python(), _processor(), _disk(folder), _versions(), *_camera(), _training()]
 
 
 def _python() -> CheckResult:
-    found = ".".join(map(str, sys.version_info[:3]))
+    installed = ".".join(map(str, sys.version_info[:3]))
     ok = sys.version_info >= MIN_PYTHON
-    return CheckResult(what="Python", found=found, ok=ok, mend="" if ok else "Install Python 3.11.")
+    return CheckResult(
+        what="Python", found=installed, ok=ok, mend="" if ok else "Install Python 3.11."
+    )
 
 
 def _processor() -> CheckResult:
@@ -84,10 +86,10 @@ def _disk(folder: Path) -> CheckResult:
     return CheckResult(what="Disk", found=f"{free_gb:.1f} GB free", ok=ok, mend=mend)
 
 
-def _versions() -> list[CheckResult]:
-    shown = [name for name in versions() if name not in ("python", "cpu", "platform")]
-    found = ", ".join(f"{name} {versions()[name]}" for name in shown)
-    return [CheckResult(what="Versions", found=found, ok=True)]
+def _versions() -> CheckResult:
+    other_lines = ("python", "cpu", "platform")
+    packages = [f"{name} {v}" for name, v in versions().items() if name not in other_lines]
+    return CheckResult(what="Versions", found=", ".join(packages), ok=True)
 
 
 def _camera() -> list[CheckResult]:
@@ -98,7 +100,7 @@ def _camera() -> list[CheckResult]:
 
     backend = os.environ.get("MUJOCO_GL", "none")
     with Driving(generate_world("doctor", np.random.default_rng(0))) as driving:
-        findings: list[CheckResult] = []
+        checks: list[CheckResult] = []
         for config in (CameraConfig(), CameraConfig(width=960, height=540)):
             what = f"Camera {config.width} x {config.height}"
             try:
@@ -108,17 +110,17 @@ def _camera() -> list[CheckResult]:
                 return [CheckResult(what="OpenGL", found=str(error), ok=False, mend=INSTALL_HINT)]
             ok = frame_ms <= MAX_FRAME_MS
             mend = "" if ok else "Use a smaller picture, or a machine with a graphics driver."
-            findings.append(CheckResult(what=what, found=f"{frame_ms:.1f} ms", ok=ok, mend=mend))
+            checks.append(CheckResult(what=what, found=f"{frame_ms:.1f} ms", ok=ok, mend=mend))
         step_us = 1e3 * _ms_per_call(lambda: driving.step(0.0))
     return [
         CheckResult(what="OpenGL", found=backend, ok=True),
-        *findings,
+        *checks,
         CheckResult(what="Physics", found=f"{step_us:.0f} µs per control step", ok=True),
     ]
 
 
 def _training() -> CheckResult:
-    """PyTorch's Triton and Mesa's drivers can kill the process they share (``triton_order``)."""
+    """PyTorch's Triton and Mesa's drivers can kill the process they share (``sim.engine.gl``)."""
     what, brought = "Drawing, training", "without Triton"
     with suppress(PackageNotFoundError):
         brought = f"with Triton {version('triton')}"

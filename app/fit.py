@@ -11,22 +11,30 @@ from typing import get_args
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from matplotlib.figure import Figure
 
-from steerlab.analysis.fit_report import LabelFacts, render_fit_report
-from steerlab.analysis.summary import Summary
-from steerlab.app.fit_report import compose_report, summarise
+from steerlab.analysis.figures import improvement_figure, label_figure, people_figure
+from steerlab.analysis.mapper_report import (
+    FitReport,
+    LabelFacts,
+    LabelsCaption,
+    ladder_of,
+    render_fit_report,
+)
+from steerlab.analysis.summary import SPLITS, SplitSummary, StyleSummary, Summary
 from steerlab.app.population_run import Ladder
 from steerlab.learning import certainty
 from steerlab.learning.checkpoint import save_mapper
-from steerlab.learning.cross_validation import CrossValidation, cross_validate
-from steerlab.learning.folds import FoldPlan, plan_folds
+from steerlab.learning.cross_validation import CrossValidation, Prediction, cross_validate
 from steerlab.learning.label_file import read_label_columns
 from steerlab.learning.label_table import LabelScale, LabelTable, label_table
 from steerlab.learning.presets import preset
+from steerlab.learning.splits import FoldPlan, plan_folds
 from steerlab.learning.training_budget import Progress, fit_within_budget
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.files.output_folder import output_folder
+from steerlab.sim.files.provenance import versions
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 
@@ -105,8 +113,8 @@ def fit(
             **result.seconds,
             "final_fit": perf_counter() - final_started,
         }
-        for part in ("models", "report"):
-            (folder / part).mkdir()
+        for name in ("models", "report"):
+            (folder / name).mkdir()
         save_mapper(mapper, folder / "models" / "mind_meld.safetensors")
         pq.write_table(mapped_table(table, result), folder / "mapped.parquet", compression="zstd")
         progress("writing the report", 0.0)
@@ -121,14 +129,14 @@ def fit(
 
 
 def mapped_table(table: LabelTable, result: CrossValidation) -> pa.Table:
-    """A row for each of the file's, by person, rollout and step; in the file's units.
+    """A row for each row of the file, by person, rollout and step; in the file's units.
 
     ``mapped`` is null where the label was never held out or the file has none; ``fold`` counts from
     1, and is null likewise, as is ``scored_as`` (``seen`` or ``new``).
     """
-    known = {(one.series.person, one.series.rollout): one for one in result.predictions}
-    found = [known.get((one.series.person, one.series.rollout)) for one in table.given]
-    lengths = np.array([len(one.steps) for one in table.given])
+    known = {(p.series.person, p.series.rollout): p for p in result.predictions}
+    predictions = [known.get((given.series.person, given.series.rollout)) for given in table.given]
+    lengths = np.array([len(given.steps) for given in table.given])
     unit = 1.0 / table.scale.wheel_per_unit
 
     def column(values: Sequence[FloatArray]) -> pa.Array:
@@ -145,21 +153,21 @@ def mapped_table(table: LabelTable, result: CrossValidation) -> pa.Table:
 
     return pa.table(
         {
-            "person": names([one.series.person for one in table.given]),
-            "rollout": names([one.series.rollout for one in table.given]),
-            "step": pa.array(np.concatenate([one.steps for one in table.given])),
-            "label": column([unit * one.series.label[one.rows] for one in table.given]),
-            "truth": column([unit * one.series.truth[one.rows] for one in table.given]),
+            "person": names([given.series.person for given in table.given]),
+            "rollout": names([given.series.rollout for given in table.given]),
+            "step": pa.array(np.concatenate([given.steps for given in table.given])),
+            "label": column([unit * given.series.label[given.rows] for given in table.given]),
+            "truth": column([unit * given.series.truth[given.rows] for given in table.given]),
             "mapped": column(
                 [
-                    unit * prediction.mapped[one.rows]
+                    unit * prediction.mapped[given.rows]
                     if prediction
-                    else np.full(len(one.steps), np.nan)
-                    for one, prediction in zip(table.given, found, strict=True)
+                    else np.full(len(given.steps), np.nan)
+                    for given, prediction in zip(table.given, predictions, strict=True)
                 ]
             ),
-            "scored_as": by_series([one and one.split for one in found], pa.string()),
-            "fold": by_series([one and one.fold for one in found], pa.int32()),
+            "scored_as": by_series([p and p.split for p in predictions], pa.string()),
+            "fold": by_series([p and p.fold for p in predictions], pa.int32()),
         }
     )
 
@@ -167,12 +175,13 @@ def mapped_table(table: LabelTable, result: CrossValidation) -> pa.Table:
 def _facts(
     file: str, table: LabelTable, plan: FoldPlan, result: CrossValidation, config: FitConfig
 ) -> LabelFacts:
-    rates = [one.series.rate_hz for one in table.given]
+    series = [given.series for given in table.given]
+    rates = [s.rate_hz for s in series]
     return LabelFacts(
         file=file,
-        people=len({one.series.person for one in table.given}),
-        rollouts=len(table.given),
-        labels=sum(int(one.series.valid.sum()) for one in table.given),
+        people=len({s.person for s in series}),
+        rollouts=len(series),
+        labels=sum(int(s.valid.sum()) for s in series),
         rates_hz=(min(rates), max(rates)),
         limit=config.limit,
         folds=None if table.has_split else len(plan.folds),
@@ -189,3 +198,85 @@ def _without_warnings(log: logging.Logger) -> Iterator[None]:
         yield
     finally:
         log.setLevel(before)
+
+
+def summarise(
+    result: CrossValidation, table: LabelTable, seed: int, seconds: dict[str, float]
+) -> Summary:
+    """The numbers of ``summary.json``; mean errors are in the file's units."""
+    unit = 1.0 / table.scale.wheel_per_unit
+    unknown = StyleSummary(probe_r2=None, spearman_new=None)  # a file does not tell true styles
+    return Summary(
+        verb="fit",
+        seed=seed,
+        noise="as recorded",
+        versions=versions(),
+        seconds=seconds,
+        splits={split: SplitSummary.of(result.quality[split], unit) for split in SPLITS},
+        left_out=result.left_out,
+        style={"gain": unknown, "delay": unknown},
+    )
+
+
+def compose_report(
+    result: CrossValidation, summary: Summary, facts: LabelFacts, command: str
+) -> FitReport:
+    """The report of a fit."""
+    ladder_ci95 = {
+        name: {split: result.quality[split][name].ci95 for split in SPLITS}
+        for name in result.quality["new"]
+    }
+    errors = {split: _people_errors(result.predictions, split, facts.limit) for split in SPLITS}
+    caption, figure = _example(result.predictions, errors["new"], facts.limit)
+    return FitReport(
+        summary=summary,
+        ladder_ci95=ladder_ci95,
+        command=command,
+        facts=facts,
+        labels=caption,
+        figures={
+            "labels": figure,
+            "ladder": improvement_figure(ladder_of(summary, ladder_ci95)),
+            "people": people_figure(
+                {
+                    split: tuple(np.array(list(people.values())).T)
+                    for split, people in errors.items()
+                }
+            ),
+        },
+    )
+
+
+def _people_errors(
+    predictions: Sequence[Prediction], split: str, limit: float
+) -> dict[str, tuple[float, float]]:
+    """By person, the mean error before and after, in the file's units."""
+    sums: dict[str, FloatArray] = {}
+    for prediction in predictions:
+        if prediction.split == split:
+            series = prediction.series
+            before = np.abs(series.label - series.truth)[series.valid]
+            after = np.abs(prediction.mapped - series.truth)[series.valid]
+            total = sums.setdefault(series.person, np.zeros(3))
+            total += before.sum(), after.sum(), len(before)
+    unit = limit / WHEEL_LIMIT
+    return {
+        person: (unit * before / labels, unit * after / labels)
+        for person, (before, after, labels) in sorted(sums.items())
+    }
+
+
+def _example(
+    predictions: Sequence[Prediction], errors: dict[str, tuple[float, float]], limit: float
+) -> tuple[LabelsCaption, Figure]:
+    """Labels before and after of the new person whose improvement is the median one."""
+    ranked = sorted(errors, key=lambda person: errors[person][1] / max(errors[person][0], 1e-12))
+    person = ranked[len(ranked) // 2]
+    shown = next(p for p in predictions if p.split == "new" and p.series.person == person)
+    series, unit = shown.series, limit / WHEEL_LIMIT
+    label, mapped, truth = (unit * values for values in (series.label, shown.mapped, series.truth))
+    caption = LabelsCaption.of(
+        teacher=person, split="new", rollout=series.rollout, raw=label, mapped=mapped, truth=truth
+    )
+    t_s = np.arange(series.steps) / series.rate_hz
+    return caption, label_figure(t_s, label, mapped, truth, saturation=limit)

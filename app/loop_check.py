@@ -1,20 +1,27 @@
-"""How well does this machine keep time? The whole loop, driven by a wheel that needs no hardware."""
+"""``steerlab doctor --loop``: whether this machine keeps time, measured with a virtual wheel."""
 
-from collections.abc import Callable
+import os
+import tempfile
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from math import pi, sin
+from pathlib import Path
 from threading import Event, Thread
 from time import perf_counter_ns, sleep
 from typing import Any
 
 import numpy as np
 
+from steerlab.app.doctor import CheckResult
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.machine import load_average
 from steerlab.sim.records import LabelledStep
 from steerlab.sim.vehicle import WHEEL_LIMIT
+from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
 from steerlab.teleop.attempt import AttemptRecord, Recorder
+from steerlab.teleop.devices.contract import DeviceInfo, InputKind
 from steerlab.teleop.devices.profile import (
     Measured,
     ProfileMatch,
@@ -30,7 +37,8 @@ from steerlab.teleop.drives.replay import Replay
 from steerlab.teleop.loop import run_drive
 from steerlab.teleop.pacing import NS_PER_S, PacingConfig, WallClock, no_garbage_collection
 from steerlab.teleop.screen.contract import DriveView, Screen
-from steerlab.teleop.sdl import SdlEvents
+from steerlab.teleop.screen.drive_screen import DriveScreen
+from steerlab.teleop.sdl import NoDisplay, SdlEvents
 from steerlab.teleop.timing import StepTiming
 from steerlab.teleop.timing_limits import GateConfig, LoopHealth, TimingViolation, failed_gates
 
@@ -38,12 +46,23 @@ TURN_HZ = 0.4  # the wheel goes from side to side this often
 MOVES_HZ = 250.0  # and is moved this often, as a wheel reports
 AXES = 4
 RAW_MAX = 32767  # of SDL's axes
-HEARD_WITHIN_MS = 2000
+HEARD_WITHIN_MS = 2000  # the virtual wheel's first motion
+BUSY = "Close other programs, set the processor to full speed, and try again."
+DRAWING = "Use a smaller window (--size 960x540) or a machine with a graphics driver."
+MENDS = {
+    "lateness_p99_ms": BUSY,
+    "lateness_max_ms": BUSY,
+    "overrun_share": BUSY,
+    "dropped_share": DRAWING,
+    "input_age_p99_ms": BUSY,
+}
+PARTICIPANT = "doctor"
+KEEP_P99_US = 100.0  # handing a step to the recorder may cost the loop this much
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoopCheck:
-    """What was measured.
+    """Measurements of the loop.
 
     Attributes:
         expected_steps: control steps that were due; ``health.steps`` were taken.
@@ -67,7 +86,7 @@ class LoopCheck:
 
 
 class MovingWheel:
-    """A virtual wheel that a thread of its own turns to and fro, noting when it moved where."""
+    """Turns a virtual wheel to and fro on a thread of its own, and notes when it was moved where."""
 
     def __init__(self, joystick: VirtualJoystick) -> None:
         self._joystick = joystick
@@ -107,11 +126,11 @@ def check_loop(
     participant: str,
     progress: Callable[[float], None] = lambda share: None,
 ) -> LoopCheck:
-    """Replay the calibration set for some seconds with everything on but a person.
+    """Replay the calibration set for some seconds, with all parts of a session but a person.
 
     Args:
-        screen: None leaves the display out.
-        recorder: keeps the steps as in a real session.
+        screen: None measures without a display.
+        recorder: records the steps as in a real session.
 
     Raises:
         SteerlabError: no step was due in that time.
@@ -145,7 +164,7 @@ def check_loop(
                     attempt=record.attempt,
                     clock=clock,
                     sink=sink,
-                    show=None if screen is None else _shower(screen, drive, device, clock),
+                    show=None if screen is None else _drive_drawer(screen, drive, device, clock),
                 )
             record.finish(())
             timings += sink.timings
@@ -174,7 +193,7 @@ def check_loop(
 
 
 class _Measuring:
-    """Passes steps on, timing that, and looks up when the wheel was where the label says."""
+    """Passes steps on to the recorder, measures how long that takes and how late inputs are."""
 
     def __init__(self, record: AttemptRecord, mover: MovingWheel) -> None:
         self._record = record
@@ -200,7 +219,7 @@ def _raw(wheel: float) -> int:
 
 
 def virtual_profile(joystick: VirtualJoystick) -> StoredProfile:
-    """The virtual wheel's, which needs no wizard: it is exact."""
+    """The profile of the virtual wheel, which is exact and needs no calibration."""
     profile = WheelProfile(
         name=joystick.name,
         match=ProfileMatch(vendor=LOGITECH, products=(G920,), axes=AXES, system=this_system()),
@@ -212,7 +231,7 @@ def virtual_profile(joystick: VirtualJoystick) -> StoredProfile:
 
 
 def _until_heard(device: WheelDevice, poll: Callable[[], None]) -> None:
-    """The wheel moves all the time, so this takes milliseconds."""
+    """Wait for the first sample; the wheel moves all the time, so this takes milliseconds."""
     for _ in range(HEARD_WITHIN_MS):
         poll()
         if device.read().ok:
@@ -223,9 +242,11 @@ def _until_heard(device: WheelDevice, poll: Callable[[], None]) -> None:
     )
 
 
-def _shower(
+def _drive_drawer(
     screen: Screen, drive: Drive, device: WheelDevice, clock: WallClock
 ) -> Callable[[float], None]:
+    """What draws the drive at a fraction of a control step, 0 to 1."""
+
     def show(fraction: float) -> None:
         moment, sample = drive.between(fraction), device.read()
         screen.show_drive(
@@ -242,3 +263,118 @@ def _shower(
         )
 
     return show
+
+
+def examine_loop(
+    folder: Path, seconds: float, progress: Callable[[str, float], None]
+) -> list[CheckResult]:
+    """Run the loop for some seconds; without a display only the control steps are judged.
+
+    Args:
+        folder: where studies are kept; a throw-away study is made there, on the same disk.
+    """
+    temporary = tempfile.TemporaryDirectory(prefix=".steerlab-doctor-", dir=folder)
+    with temporary as study, _display() as (events, screen):
+        check = measure_loop(
+            Path(study), events, screen, seconds, lambda share: progress("running the loop", share)
+        )
+        drawn = "none" if screen is None else str(screen.resolution)
+    return loop_checks(check, drawn)
+
+
+def measure_loop(
+    folder: Path,
+    events: SdlEvents,
+    screen: Screen | None,
+    seconds: float,
+    progress: Callable[[float], None] = lambda share: None,
+) -> LoopCheck:
+    """Run the loop with a session recorder; leaves a study in ``folder``."""
+    info = SessionInfo(
+        participant=PARTICIPANT,
+        role="check",
+        device=DeviceInfo(kind=InputKind.WHEEL, name="virtual wheel"),
+        control_hz=PacingConfig().control_hz,
+    )
+    with SessionRecorder(folder, info) as recorder:
+        return check_loop(
+            events,
+            seconds=seconds,
+            screen=screen,
+            recorder=recorder,
+            participant=PARTICIPANT,
+            progress=progress,
+        )
+
+
+def loop_checks(check: LoopCheck, drawn: str) -> list[CheckResult]:
+    """A line for each property of the loop; ``drawn`` is the resolution of the screen."""
+    health, config = check.health, GateConfig()
+    failed = {gate.name: gate for gate in check.failed}
+    lost = check.expected_steps - health.steps
+    shown = health.frames + health.dropped
+    checks = [
+        CheckResult(
+            what="Control steps",
+            found=f"{health.steps} taken, {lost} lost, {health.overruns} overran",
+            ok=lost == 0 and "overrun_share" not in failed,
+            mend=_mend(failed, "overrun_share"),
+        ),
+        CheckResult(
+            what="Wake-up lateness",
+            found=f"p50 {health.lateness_p50_ms:.3f}, p99 {health.lateness_p99_ms:.3f}, worst "
+            f"{health.lateness_max_ms:.2f} ms (limits {config.lateness_p99_ms:g} and "
+            f"{config.lateness_max_ms:g})",
+            ok=not failed.keys() & {"lateness_p99_ms", "lateness_max_ms"},
+            mend=_mend(failed, "lateness_p99_ms", "lateness_max_ms"),
+        ),
+        CheckResult(
+            what="Input",
+            found=f"a motion is known after p50 {check.input_p50_ms:.2f}, p99 "
+            f"{check.input_p99_ms:.2f} ms, without the wheel's own delay",
+            ok="input_age_p99_ms" not in failed,
+            mend=_mend(failed, "input_age_p99_ms"),
+        ),
+        CheckResult(
+            what="Recording",
+            found=f"p50 {check.keep_p50_us:.1f}, p99 {check.keep_p99_us:.1f} µs a step in the loop",
+            ok=check.keep_p99_us <= KEEP_P99_US,
+            mend="" if check.keep_p99_us <= KEEP_P99_US else BUSY,
+        ),
+    ]
+    if shown:
+        checks.append(
+            CheckResult(
+                what="Display",
+                found=f"{health.frames} frames, {health.dropped} left out "
+                f"({health.dropped / shown:.1%}), p50 {health.frame_p50_ms:.1f}, p99 "
+                f"{health.frame_p99_ms:.1f} ms, drawn at {drawn}",
+                ok="dropped_share" not in failed,
+                mend=_mend(failed, "dropped_share"),
+            )
+        )
+    else:
+        checks.append(CheckResult(what="Display", found="none here, so nothing was drawn", ok=True))
+    load = "not told here" if check.load is None else f"{check.load:.2f} over the last minute"
+    checks.append(CheckResult(what="Load", found=load, ok=True))
+    return checks
+
+
+def _mend(failed: dict[str, TimingViolation], *names: str) -> str:
+    return next((MENDS[name] for name in names if name in failed), "")
+
+
+@contextmanager
+def _display() -> Generator[tuple[SdlEvents, DriveScreen | None]]:
+    """A window where there is a display; without a display no screen, so that the loop alone runs."""
+    has_display = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    try:
+        events = SdlEvents(window=has_display)
+    except NoDisplay:
+        events, has_display = SdlEvents(window=False), False
+    with events:
+        if not has_display:
+            yield events, None
+            return
+        with DriveScreen(events) as screen:
+            yield events, screen

@@ -18,8 +18,8 @@ from steerlab.learning.splits import StudySplit, split_rollouts, split_study
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.labelling import labelled_table
 from steerlab.sim.populations import PopulationKind, sample_population
+from steerlab.sim.records import labelled_table
 from steerlab.sim.rollout import Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.teleop.loop import label_rollout

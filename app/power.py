@@ -12,13 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from steerlab.analysis.power_study.blocks import BLOCK, add_up, run_block
-from steerlab.analysis.power_study.curves import PowerCurve
 from steerlab.analysis.power_study.design import PowerDesign
-from steerlab.analysis.power_study.report import PowerReport, render_power
+from steerlab.analysis.power_study.report import PowerCurve, PowerReport, render_power
+from steerlab.analysis.power_study.simulated_studies import BLOCK, add_up, run_block
 from steerlab.analysis.study_data.conditions_file import read_conditions
-from steerlab.analysis.study_data.errors import NotAStudy
 from steerlab.analysis.study_data.networks import Progress
+from steerlab.analysis.study_data.records import NotAStudy
 from steerlab.analysis.study_tables.conditions import outcome_table
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig

@@ -9,14 +9,12 @@ from steerlab.analysis.figures.synthetic import Demonstrators, ShownDrive, synth
 from steerlab.analysis.summary import SplitSummary, StyleSummary
 from steerlab.analysis.synthetic_report import (
     SYNTHETIC_SPLITS,
-    SyntheticFigures,
     SyntheticReport,
     SyntheticSummary,
     render_synthetic_report,
 )
 from steerlab.learning.checkpoint import save_mapper
-from steerlab.learning.synthetic.demonstrators import WHEEL_PER_RAD, Timing, label_drives
-from steerlab.learning.synthetic.drives import SyntheticDrive
+from steerlab.learning.synthetic.drives import WHEEL_PER_RAD, SyntheticDrive, Timing, label_drives
 from steerlab.learning.synthetic.experiment import SyntheticConfig, SyntheticResult, run_synthetic
 from steerlab.learning.training_budget import Progress
 from steerlab.sim.files.output_folder import output_folder
@@ -43,8 +41,8 @@ def synthetic(
     started = perf_counter()
     with output_folder(out, force=force) as folder:
         result = run_synthetic(config, progress)
-        for part in ("models", "report"):
-            (folder / part).mkdir()
+        for name in ("models", "report"):
+            (folder / name).mkdir()
         save_mapper(result.mapper, folder / "models" / "mind_meld.safetensors")
         progress("writing the report", 0.0)
         # The page shows its own numbers, so the clock stops before it is drawn.
@@ -84,7 +82,7 @@ def compose_report(
     return SyntheticReport(
         summary=summary,
         interval={
-            split: {name: one.ci95 for name, one in ladder.items()}
+            split: {method: quality.ci95 for method, quality in ladder.items()}
             for split, ladder in result.quality.items()
         },
         command=command,
@@ -92,27 +90,25 @@ def compose_report(
         shift_s=PAPER.shift_s,
         magnitude=PAPER.magnitude,
         drive=drives[0].name,
-        figures=SyntheticFigures(
-            figure2=synthetic_figure(
-                [drive.position_m[drive.labelled] for drive in drives],
-                [drive.goal_m for drive in drives],
-                _shown(result, drives[0]),
-                _demonstrators(result, result.seen_people),
-                _demonstrators(result, result.new_people),
-            )
+        figure2=synthetic_figure(
+            [drive.position_m[drive.labelled] for drive in drives],
+            [drive.goal_m for drive in drives],
+            _shown(result, drives[0]),
+            _demonstrators(result, result.seen_people),
+            _demonstrators(result, result.new_people),
         ),
     )
 
 
 def _shown(result: SyntheticResult, drive: SyntheticDrive) -> ShownDrive:
-    """A drive as the strongest over-corrector of each timing there is labels it."""
+    """A drive with the labels of the strongest over-corrector of each timing."""
     degrees = np.degrees(1.0 / WHEEL_PER_RAD)
     feedback: dict[str, np.ndarray] = {}
     mapped: dict[str, np.ndarray] = {}
     for timing in Timing:
-        people = [one for one in result.seen_people if Timing.of(one) is timing]
+        people = [person for person in result.seen_people if Timing.of(person) is timing]
         if people:
-            strongest = max(people, key=lambda one: one.style.gain)
+            strongest = max(people, key=lambda person: person.style.gain)
             (series,) = label_drives([strongest], [drive], result.rate_hz)
             feedback[str(timing)] = degrees * series.label
             mapped[str(timing)] = degrees * result.mapper.map(series)
@@ -127,8 +123,8 @@ def _shown(result: SyntheticResult, drive: SyntheticDrive) -> ShownDrive:
 
 def _demonstrators(result: SyntheticResult, people: list[ScriptedTeacher]) -> Demonstrators:
     return Demonstrators(
-        gain=np.array([one.style.gain for one in people]),
-        delay_s=np.array([one.style.delay_s for one in people]),
-        timing=[str(Timing.of(one)) for one in people],
+        gain=np.array([person.style.gain for person in people]),
+        delay_s=np.array([person.style.delay_s for person in people]),
+        timing=[str(Timing.of(person)) for person in people],
         embeddings=result.embeddings(people),
     )

@@ -1,23 +1,24 @@
 """``steerlab teach``: the downstream comparison, a shard a teacher, then summary and report."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from steerlab.analysis.teach_report import TeachReport, render_teach_report
-from steerlab.analysis.teach_summary import summarise
+from steerlab.analysis.teach_report import TeachReport, render_teach_report, summarise
+from steerlab.analysis.wording import learner_name
 from steerlab.app.teach_config import TeachConfig
 from steerlab.app.teach_people import given_mapper, prepare
-from steerlab.app.teach_recordings import FOLDER, write_recordings
 from steerlab.app.teach_shards import part_of, read_shard, shard_path
 from steerlab.app.teach_units import missing_units, run_units
 from steerlab.sim.files.provenance import versions
 from steerlab.sim.files.run_folder import open_run_folder, write_json, write_text
+from steerlab.sim.world import WorldSpec
 
 Progress = Callable[[str, float], None]
 RUN_FILE = "teach.json"
-PARTS = ("models", "teachers", "policies", FOLDER, "report")
+RECORDINGS = "recordings"
+PARTS = ("models", "teachers", "policies", RECORDINGS, "report")
 
 
 def teach(
@@ -85,3 +86,55 @@ def teach(
     write_text(render_teach_report(report), out / "report" / "index.html")
     progress("writing the report", 1.0)
     return summary
+
+
+def write_recordings(
+    shards: Sequence[Mapping[str, Any]],
+    learners: Sequence[str],
+    world: WorldSpec,
+    out: Path,
+    progress: Callable[[float], None],
+) -> list[str]:
+    """Write ``recordings/<teacher>.rrd`` under ``out`` for every teacher who was judged.
+
+    Returns:
+        the files, relative to ``out``.
+
+    Raises:
+        RecordingUnavailable: one cannot be written.
+    """
+    from steerlab.analysis.taught_drives import TaughtDrives, write_taught_drives
+
+    judged = [shard for shard in shards if not shard["left_out"]]
+    files: list[str] = []
+    for number, shard in enumerate(judged):
+        first = {name: shard["conditions"][name][0] for name in learners}
+        file = f"{RECORDINGS}/{shard['teacher']}.rrd"
+        drives = TaughtDrives(
+            teacher=shard["teacher"], world=world, conditions=first, about=about(shard, first)
+        )
+        write_taught_drives(drives, out / file)
+        files.append(file)
+        progress((number + 1) / len(judged))
+    return files
+
+
+def about(shard: Mapping[str, Any], first: Mapping[str, Mapping[str, Any]]) -> str:
+    """Who the teacher is and what came of each learner, in Markdown."""
+    style = shard["style"]
+    lines = [
+        f"**{shard['teacher']}**, first learner seed",
+        "",
+        f"gain {style['gain']:.2f}, delay {style['delay_s']:.2f} s, lag {style['lag_s']:.2f} s, "
+        f"dead zone {style['dead_zone']:.2f}",
+        *([f"quirk {shard['quirk']}"] if shard["quirk"] else []),
+        "",
+        "| learner | success | distance (m) |",
+        "|---|---|---|",
+    ]
+    for name, taught in first.items():
+        last = taught["by_round"][-1]
+        lines.append(
+            f"| {learner_name(name)} | {last['success']:.2f} | {last['final_distance_m']:.1f} |"
+        )
+    return "\n".join(lines)

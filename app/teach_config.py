@@ -9,8 +9,8 @@ from steerlab.learning.policy import Inputs, PolicyConfig
 from steerlab.learning.policy_training import PolicyTrainingConfig
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.live_teacher import DrivingStyle
-from steerlab.sim.out_of_family import OUT_OF_FAMILY
 from steerlab.sim.tasks import Task, make_task
+from steerlab.sim.unusual_teachers import OUT_OF_FAMILY
 
 Population = Literal["wide", "paper", "low", "human", "high"]
 Family = Literal["scripted", "asymmetric", "bang-bang", "dither", "late-braking", "fatigue"]

@@ -14,12 +14,11 @@ from steerlab.learning.splits import StudySplit
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.files.run_folder import keeping
-from steerlab.sim.labelling import labelled_table
-from steerlab.sim.out_of_family import OutOfFamilyKind, sample_out_of_family
 from steerlab.sim.populations import sample_population
+from steerlab.sim.records import labelled_table
 from steerlab.sim.rollout import Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherStyle
-from steerlab.sim.unusual_teachers import UnusualTeacher
+from steerlab.sim.unusual_teachers import OutOfFamilyKind, UnusualTeacher, sample_out_of_family
 from steerlab.sim.wide_population import sample_wide
 from steerlab.teleop.loop import label_rollout
 

@@ -1,4 +1,4 @@
-"""What ``steerlab wheel list | calibrate | test`` do; nothing here prints."""
+"""What ``steerlab wheel list``, ``calibrate`` and ``test`` do; nothing here prints."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class FoundWheel:
 
     @property
     def calibrated(self) -> bool:
-        """It may give labels."""
+        """Whether it may give labels: a calibrated profile fits it."""
         return self.stored is not None and self.stored.profile.calibrated
 
     def to_dict(self) -> dict[str, object]:
@@ -59,7 +59,7 @@ class FoundWheel:
 
 
 def find_wheels(events: SdlEvents, folder: Path | None = None) -> list[FoundWheel]:
-    """Everything with axes that is plugged in.
+    """All joysticks with axes that are plugged in.
 
     Raises:
         DeviceError: a profile file is broken.
@@ -67,15 +67,15 @@ def find_wheels(events: SdlEvents, folder: Path | None = None) -> list[FoundWhee
     events.poll()
     profiles = [*user_profiles(folder), *shipped_profiles()]
     return [
-        FoundWheel(joystick=one, stored=find_profile(one, profiles, this_system()))
-        for one in list_joysticks()
+        FoundWheel(joystick=joystick, stored=find_profile(joystick, profiles, this_system()))
+        for joystick in list_joysticks()
     ]
 
 
-def list_lines(found: list[FoundWheel]) -> list[str]:
+def list_lines(wheels: list[FoundWheel]) -> list[str]:
     """``steerlab wheel list``, a line or two for each."""
     lines: list[str] = []
-    for wheel in found:
+    for wheel in wheels:
         device, stored = wheel.joystick, wheel.stored
         lines.append(
             f"{device.name}  {device.vendor:04x}:{device.product:04x}  {device.axes} axes, "

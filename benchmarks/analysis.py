@@ -25,10 +25,9 @@ from steerlab.analysis.study_data.records import (
 from steerlab.analysis.study_tables.conditions import conditions
 from steerlab.analysis.study_tables.constructs import DEFAULT_STYLES, Construct, Topic
 from steerlab.analysis.study_tables.hypotheses import hypotheses
+from steerlab.analysis.study_tables.paper_tables import table2
 from steerlab.analysis.study_tables.report import AnalysisReport, render_analysis
-from steerlab.analysis.study_tables.style_table import exact_styles
-from steerlab.analysis.study_tables.table2 import table2
-from steerlab.analysis.study_tables.tables import AnalysisConfig, analyse
+from steerlab.analysis.study_tables.tables import AnalysisConfig, analyse, exact_styles
 from steerlab.learning.presets import LAB
 from steerlab.learning.splits import split_rollouts, split_study
 from steerlab.sim.calibration_set import load_calibration_set

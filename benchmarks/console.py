@@ -20,13 +20,13 @@ import httpx
 
 from benchmarks.rows import Row, at_least, at_most, print_rows
 from steerlab.app.console.experimenter_pages import COOKIE
-from steerlab.app.console.forms import csrf_token
+from steerlab.app.console.guard import csrf_token
 from steerlab.app.console.rendering import STATIC_TYPES, static_files
 from steerlab.study.contract import Role
-from steerlab.study.new import new_study
 from steerlab.study.runner import RunConfig
 from steerlab.study.scripted import ScriptedParticipant
 from steerlab.study.study import Study
+from steerlab.study.study_folder import new_study
 
 FINISHED = 34  # as many as taught in the paper
 PEOPLE = 50

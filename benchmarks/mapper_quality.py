@@ -23,8 +23,8 @@ from steerlab.learning.series import LabelSeries, series_from_table
 from steerlab.learning.splits import StudySplit, split_rollouts, split_study
 from steerlab.learning.streaming import StreamingMapper
 from steerlab.sim.calibration_set import load_calibration_set
-from steerlab.sim.labelling import labelled_table
 from steerlab.sim.populations import PopulationKind, sample_population
+from steerlab.sim.records import labelled_table
 from steerlab.sim.rollout import Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 

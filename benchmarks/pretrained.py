@@ -27,8 +27,8 @@ from steerlab.learning.probe import style_parameters
 from steerlab.learning.series import series_from_table
 from steerlab.learning.splits import StudySplit, split_rollouts, split_study
 from steerlab.sim.calibration_set import load_calibration_set
-from steerlab.sim.labelling import labelled_table
 from steerlab.sim.populations import PopulationKind, sample_population
+from steerlab.sim.records import labelled_table
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.sim.unusual_teachers import QUIRKS, QuirkKind, UnusualTeacher, sample_unusual
 

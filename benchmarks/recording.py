@@ -13,13 +13,12 @@ import numpy as np
 
 from benchmarks.rows import Row, at_most, print_rows
 from steerlab.sim.calibration_set import load_calibration_set
-from steerlab.sim.labelling import labelled_step
-from steerlab.sim.records import LabelledStep
+from steerlab.sim.records import LabelledStep, labelled_step
 from steerlab.sim.rollout import Rollout
 from steerlab.sim.world import WorldSpec
 from steerlab.study.recording.rebuild import rebuild_recording
+from steerlab.study.recording.replay import view_of
 from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
-from steerlab.study.replay import view_of
 from steerlab.teleop.devices.contract import DeviceInfo, InputKind
 from steerlab.teleop.timing import StepTiming
 

@@ -7,10 +7,10 @@ from time import perf_counter
 
 from benchmarks.rows import Row, at_most, print_rows
 from steerlab.study.contract import PhaseKind, Role
-from steerlab.study.new import new_study
 from steerlab.study.runner import RunConfig
 from steerlab.study.scripted import ScriptedParticipant
 from steerlab.study.study import Study
+from steerlab.study.study_folder import new_study
 
 TRAINING, TEST = 8, 3
 EPOCHS = 5  # what the network is worth does not change how long w takes

@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.rows import Row, at_least, at_most, print_rows
-from steerlab.analysis.teach_summary import table_lines
+from steerlab.analysis.teach_report import table_lines
 from steerlab.app.teach import teach
 from steerlab.app.teach_config import TeachConfig
 from steerlab.learning.agents import LEARNERS, PolicyLearner
 from steerlab.learning.policy import IMAGE_SHAPE, MOTION_SIZE, Observations
 from steerlab.learning.policy_training import TrainingRows
-from steerlab.sim.out_of_family import OUT_OF_FAMILY
+from steerlab.sim.unusual_teachers import OUT_OF_FAMILY
 
 PAPER = ("bc", "dagger", "mind-meld", "mind-meld-mean", "oracle")
 OTHER_MAPPERS = ("mapped:sim_pretrained", "mapped:person_ridge")

@@ -32,7 +32,7 @@ from steerlab.teleop.drives.live import LiveDrive
 from steerlab.teleop.loop import run_drive
 from steerlab.teleop.pacing import PacingConfig, WallClock, no_garbage_collection
 from steerlab.teleop.screen.contract import DriveView
-from steerlab.teleop.screen.drive_screen import DriveScreen, open_screen
+from steerlab.teleop.screen.drive_screen import DriveScreen
 from steerlab.teleop.sdl import SdlEvents
 from steerlab.teleop.timing import StepTiming
 from steerlab.teleop.timing_limits import LoopHealth
@@ -85,7 +85,7 @@ def driving(drives: int) -> list[Row]:
         tempfile.TemporaryDirectory() as folder,
         xvfb(),
         SdlEvents(window=True) as events,
-        open_screen(events) as screen,
+        DriveScreen(events) as screen,
         TaskEnv(make_task("slalom"), seed=0) as env,
     ):
         warm_up(env, agent)

@@ -13,9 +13,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from benchmarks.rows import Row, at_most, print_rows
-from steerlab.app.doctor_loop import measure_loop
+from steerlab.app.loop_check import measure_loop
 from steerlab.sim.errors import SteerlabError
-from steerlab.teleop.screen.drive_screen import open_screen
+from steerlab.teleop.screen.drive_screen import DriveScreen
 from steerlab.teleop.sdl import SdlEvents
 
 SECONDS = 60.0
@@ -31,7 +31,7 @@ def run(seconds: float = SECONDS) -> list[Row]:
         tempfile.TemporaryDirectory() as folder,
         xvfb(),
         SdlEvents(window=True) as events,
-        open_screen(events) as screen,
+        DriveScreen(events) as screen,
     ):
         check = measure_loop(Path(folder), events, screen, seconds)
         drawn = str(screen.resolution)

@@ -1,4 +1,4 @@
-"""What mappers give for many series at once: the same as one by one, and much sooner."""
+"""Maps many series at once: the same labels as one by one, and much faster."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -6,8 +6,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from steerlab.learning.baselines.given_embedding import NoEmbeddingMapper, TrueStyleMapper
-from steerlab.learning.baselines.other_embedding import MeanEmbeddingMapper, ShuffledEmbeddingMapper
+from steerlab.learning.baselines.ablations import (
+    MeanEmbeddingMapper,
+    NoEmbeddingMapper,
+    ShuffledEmbeddingMapper,
+    TrueStyleMapper,
+)
 from steerlab.learning.calibration import encode
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
 from steerlab.learning.pretrained.mapper import SimPretrainedMapper
@@ -23,13 +27,13 @@ _STEPS_AT_ONCE = 50_000  # 8 MB of windows, some 80 MB while they are cut
 def map_in_chunks(
     mappers: Mapping[str, LabelMapper], series: Sequence[LabelSeries]
 ) -> Iterator[tuple[list[LabelSeries], dict[str, list[FloatArray]]]]:
-    """Some of ``series``, and by mapper what ``map`` gives for each of them, up to the last bits.
+    """Yield chunks of ``series``, and each mapper's labels for them as ``map`` gives, but rounding.
 
-    Whoever needs no labels for long can drop them before the next ones come.
+    A caller that needs each chunk only briefly can drop it before the next is mapped.
     """
-    for several in _chunks(series):
-        windows = _SharedWindows(several)
-        yield several, {name: _map(mapper, windows) for name, mapper in mappers.items()}
+    for chunk in _chunks(series):
+        windows = _SharedWindows(chunk)
+        yield chunk, {name: _map(mapper, windows) for name, mapper in mappers.items()}
 
 
 class _SharedWindows:
@@ -64,7 +68,7 @@ def _map(mapper: LabelMapper, shared: _SharedWindows) -> list[FloatArray]:
         case SimPretrainedMapper():
             return mapper.map_many(shared.series)
         case _:
-            return [mapper.map(one) for one in shared.series]
+            return [mapper.map(drive) for drive in shared.series]
 
 
 def _by_network(
@@ -84,18 +88,18 @@ def _by_network(
         w = embedding.embeddings(windows.people)
     with torch.no_grad(), torch_threads(1):
         difference = trained.network.difference(shared.encoding(trained), w[windows.person])
-    label = np.concatenate([one.label for one in shared.series])
+    label = np.concatenate([drive.label for drive in shared.series])
     mapped = np.clip(label - difference.numpy().astype(np.float64), -WHEEL_LIMIT, WHEEL_LIMIT)
-    return np.split(mapped, np.cumsum([one.steps for one in shared.series])[:-1])
+    return np.split(mapped, np.cumsum([drive.steps for drive in shared.series])[:-1])
 
 
 def _chunks(series: Sequence[LabelSeries]) -> Iterator[list[LabelSeries]]:
     """Lists of about ``_STEPS_AT_ONCE`` steps, never empty."""
     chunk: list[LabelSeries] = []
     steps = 0
-    for one in series:
-        chunk.append(one)
-        steps += one.steps
+    for drive in series:
+        chunk.append(drive)
+        steps += drive.steps
         if steps >= _STEPS_AT_ONCE:
             yield chunk
             chunk, steps = [], 0

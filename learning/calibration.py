@@ -33,7 +33,7 @@ class CalibrationConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibratedPeople:
-    """What calibration found, in the order of ``Windows.people``.
+    """The calibrated embeddings, in the order of ``Windows.people``.
 
     Attributes:
         embeddings: (people, d), w.
@@ -74,10 +74,13 @@ def calibrate(
     with torch.no_grad():
         encoding, difference, counts = _by_person(network, windows)
         coarse = torch.where(counts < _LEAST_COARSE, 1, _COARSE)
-        few = PeopleWindows.of(network, encoding, difference, counts, coarse)
+        every_fourth = PeopleWindows.of(network, encoding, difference, counts, coarse)
         every = PeopleWindows.of(network, encoding, difference, counts, torch.ones_like(counts))
         embeddings = start.repeat(len(counts), 1)
-        for rows, iterations in ((few, config.coarse_iterations), (every, config.iterations)):
+        for rows, iterations in (
+            (every_fourth, config.coarse_iterations),
+            (every, config.iterations),
+        ):
             embeddings = _descend(
                 network, rows, embeddings, embedding_loss_weight, iterations, config
             )
@@ -87,33 +90,33 @@ def calibrate(
 def encode(network: MindMeld, inputs: Tensor) -> Tensor:
     """Encode many windows: (rows, window, channels) -> (rows, k)."""
     with torch.no_grad():
-        return torch.cat([network.encoder(some) for some in inputs.split(_WINDOWS_AT_ONCE)])
+        return torch.cat([network.encoder(chunk) for chunk in inputs.split(_WINDOWS_AT_ONCE)])
 
 
 def spread_rows(series: Sequence[LabelSeries], most: int) -> npt.NDArray[np.int64]:
     """At most ``most`` valid steps of each person, evenly spread, counted through all series."""
-    valid = np.flatnonzero(np.concatenate([one.valid for one in series]))
-    steps = [one.steps for one in series]
-    person = np.repeat([one.person for one in series], steps)[valid]
+    valid = np.flatnonzero(np.concatenate([drive.valid for drive in series]))
+    steps = [drive.steps for drive in series]
+    person = np.repeat([drive.person for drive in series], steps)[valid]
     chosen: list[npt.NDArray[np.int64]] = []
-    for name in dict.fromkeys(one.person for one in series):
-        own = valid[person == name]
-        if len(own) > most:
-            own = own[np.linspace(0, len(own) - 1, most).round().astype(np.int64)]
-        chosen.append(own)
+    for name in dict.fromkeys(drive.person for drive in series):
+        rows = valid[person == name]
+        if len(rows) > most:
+            rows = rows[np.linspace(0, len(rows) - 1, most).round().astype(np.int64)]
+        chosen.append(rows)
     return np.sort(np.concatenate(chosen))
 
 
 def _by_person(network: MindMeld, windows: Windows) -> tuple[Tensor, Tensor, Tensor]:
-    """Encoding (windows, k) and difference (windows,) of one person after another; (people,) counts."""
+    """Valid windows by person: encoding (windows, k), difference (windows,), counts (people,)."""
     valid = torch.nonzero(windows.valid).squeeze(1)
     person = windows.person[valid]
     counts = torch.bincount(person, minlength=len(windows.people))
     for name, count in zip(windows.people, counts.tolist(), strict=True):
         if count == 0:
             raise InvalidLabels(f"{name!r} has no valid label to calibrate on; label a rollout.")
-    own = valid[torch.argsort(person, stable=True)]
-    return encode(network, windows.inputs[own]), windows.difference[own], counts
+    order = valid[torch.argsort(person, stable=True)]
+    return encode(network, windows.inputs[order]), windows.difference[order], counts
 
 
 def _descend(
@@ -154,7 +157,7 @@ def _damped_step(equations: Sums, damping: Tensor) -> Tensor:
 
 
 def _with_certainty(network: MindMeld, rows: PeopleWindows, embeddings: Tensor) -> CalibratedPeople:
-    """What ``CalibratedPeople`` says of the embeddings."""
+    """``CalibratedPeople``: the embeddings, their information and g's sigma."""
     sums, residual = normal_equations(network, rows, embeddings, 0.0)
     counts = rows.there.double().sum(1)
     variance = sums.loss / (counts - embeddings.shape[1]).clamp(min=1.0)

@@ -16,7 +16,7 @@ EXTRA_PEOPLE = 3  # a spread over d dimensions needs more than d people
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibrated:
-    """A calibrated person.
+    """A new person's embedding, how sure it is and how far from the training people's.
 
     Attributes:
         embedding: (d,), w.
@@ -68,7 +68,7 @@ class TrainingPeople:
 
     @classmethod
     def of(cls, embeddings: FloatArray) -> "TrainingPeople":
-        """From (people, d)."""
+        """Mean and covariance of the embeddings (people, d)."""
         count, size = embeddings.shape
         away = embeddings - embeddings.mean(axis=0)
         covariance = away.T @ away / max(count - 1, 1)
@@ -99,7 +99,7 @@ class TrainingPeople:
     def judge(
         self, person: str, embedding: FloatArray, information: FloatArray, g_sigma: FloatArray
     ) -> Calibrated:
-        """What is known of a calibrated person; logs a warning if they lie far outside.
+        """The certainty of a calibrated person; logs a warning if they lie far outside.
 
         Args:
             person: for the warning.

@@ -13,7 +13,7 @@ from steerlab.learning.errors import InvalidCheckpoint, InvalidLabels
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.mind_meld import MindMeld
 from steerlab.learning.presets import MapperConfig
-from steerlab.learning.tensor_file import read_tensors
+from steerlab.learning.tensor_file import read_tensors, without_prefix
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 
@@ -34,8 +34,10 @@ def save_mapper(mapper: MindMeldMapper, path: Path) -> None:
     tensors["embeddings"] = torch.stack([mapper.embedding_tensor(person) for person in people])
     calibrated = [mapper.calibration(person) for person in mapper.calibrated]
     size = mapper.config.network.embedding_size
-    tensors["covariances"] = _stack([one.covariance for one in calibrated], (size, size))
-    tensors["g_sigmas"] = _stack([one.g_sigma for one in calibrated], (size,))
+    tensors["covariances"] = _stack(
+        [calibration.covariance for calibration in calibrated], (size, size)
+    )
+    tensors["g_sigmas"] = _stack([calibration.g_sigma for calibration in calibrated], (size,))
     header = {
         "format": FORMAT,
         "version": FORMAT_VERSION,
@@ -43,8 +45,8 @@ def save_mapper(mapper: MindMeldMapper, path: Path) -> None:
         "config": mapper.config.to_dict(),
         "people": people,
         "calibrated": {
-            person: {"distance": one.distance, "outside": one.outside}
-            for person, one in zip(mapper.calibrated, calibrated, strict=True)
+            person: {"distance": calibration.distance, "outside": calibration.outside}
+            for person, calibration in zip(mapper.calibrated, calibrated, strict=True)
         },
     }
     contiguous = {name: value.contiguous() for name, value in tensors.items()}
@@ -57,7 +59,7 @@ def load_mapper(path: Path) -> MindMeldMapper:
     Raises:
         InvalidCheckpoint: the file is missing, damaged, of another kind or a newer version.
     """
-    tensors, header = read_tensors(path, what="model", mend="fit a mapper and save it")
+    tensors, header = read_tensors(path, what="model", remedy="fit a mapper and save it")
     if header.get("format") != FORMAT:
         raise InvalidCheckpoint(
             f"{path} holds {header.get('format')!r}, not {FORMAT!r}; give a MIND MELD model."
@@ -71,13 +73,7 @@ def load_mapper(path: Path) -> MindMeldMapper:
         config = MapperConfig.from_dict(header["config"])
         people, seed = [str(person) for person in header["people"]], int(header["seed"])
         network = MindMeld(config.network, torch.Generator().manual_seed(0))
-        network.load_state_dict(
-            {
-                name.removeprefix(_NETWORK): value
-                for name, value in tensors.items()
-                if name.startswith(_NETWORK)
-            }
-        )
+        network.load_state_dict(without_prefix(tensors, _NETWORK))
         training, embeddings = tensors["training_embeddings"], tensors["embeddings"]
         size = config.network.embedding_size
         if embeddings.shape != (len(people), size) or training.shape[1:] != (size,):
@@ -117,5 +113,5 @@ def load_mapper(path: Path) -> MindMeldMapper:
 
 
 def _stack(arrays: list[FloatArray], shape: tuple[int, ...]) -> Tensor:
-    """(people, *shape) float64; also of nobody."""
+    """(people, *shape) float64; people may be 0."""
     return torch.from_numpy(np.array(arrays, dtype=np.float64).reshape(-1, *shape))

@@ -10,12 +10,11 @@ import numpy as np
 from steerlab.learning.baselines import fit_baselines, left_out
 from steerlab.learning.batch_mapping import map_in_chunks
 from steerlab.learning.errors import InvalidLabels
-from steerlab.learning.folds import FoldPlan, some_names
 from steerlab.learning.label_quality import LabelQuality, LabelSums
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
 from steerlab.learning.presets import PAPER, MapperConfig
 from steerlab.learning.series import LabelSeries
-from steerlab.learning.splits import StudySplit
+from steerlab.learning.splits import FoldPlan, StudySplit, some_names
 from steerlab.learning.training_budget import (
     MOST_TRAINING_LABELS,
     Progress,
@@ -86,34 +85,34 @@ def cross_validate(
     seconds = {"fit": 0.0, "calibrate": 0.0, "ladder": 0.0, "score": 0.0}
     unlike: set[str] = set()
     mapper: MindMeldMapper | None = None
-    budgets = [within_budget(parts.train_seen, seed, most_labels) for parts in plan.folds]
+    budgets = [within_budget(fold.train_seen, seed, most_labels) for fold in plan.folds]
     folds = [
         replace(
-            parts,
+            fold,
             train_seen=budget.trained,
-            calibrate_new=(*budget.calibrated, *parts.calibrate_new),
+            calibrate_new=(*budget.calibrated, *fold.calibrate_new),
         )
-        for parts, budget in zip(plan.folds, budgets, strict=True)
+        for fold, budget in zip(plan.folds, budgets, strict=True)
     ]
     without = left_out(folds, config, full=full)
-    for number, parts in enumerate(folds, start=1):
+    for number, fold in enumerate(folds, start=1):
         name = f"fold {number} of {len(folds)}"
         started = perf_counter()
-        mapper = fit_long_enough(parts.train_seen, config, seed, name, progress)
+        mapper = fit_long_enough(fold.train_seen, config, seed, name, progress)
         fitted = perf_counter()
-        mapper.calibrate(parts.calibrate_new)
+        mapper.calibrate(fold.calibrate_new)
         unlike |= {person for person in mapper.calibrated if mapper.calibration(person).outside}
         calibrated = perf_counter()
         baselines = fit_baselines(
             mapper,
-            parts,
+            fold,
             seed=seed,
             on_step=partial(progress, f"rival mappers, {name}"),
             without=without,
-            paper=with_enough_steps(PAPER, valid_labels(parts.train_seen)),
+            paper=with_enough_steps(PAPER, valid_labels(fold.train_seen)),
         )
         built = perf_counter()
-        predictions += _score(baselines, parts, number, sums, partial(progress, f"scoring, {name}"))
+        predictions += _score(baselines, fold, number, sums, partial(progress, f"scoring, {name}"))
         seconds["fit"] += fitted - started
         seconds["calibrate"] += calibrated - fitted
         seconds["ladder"] += built - calibrated
@@ -135,7 +134,7 @@ def cross_validate(
         mapper=mapper,
         seconds=seconds,
         notices=(
-            *next((one.notices for one in budgets if one.notices), ()),
+            *next((budget.notices for budget in budgets if budget.notices), ()),
             *_unlike_notice(unlike),
         ),
     )
@@ -143,24 +142,24 @@ def cross_validate(
 
 def _score(
     baselines: Mapping[str, LabelMapper],
-    parts: StudySplit,
-    fold: int,
+    fold: StudySplit,
+    number: int,
     sums: dict[str, dict[str, LabelSums]],
     on_share: Callable[[float], None],
 ) -> list[Prediction]:
     """Add what the fold holds out to ``sums``, by split and baseline; MIND MELD's predictions."""
     predictions: list[Prediction] = []
-    count = len(parts.held_out_seen) + len(parts.held_out_new)
-    for split, held_out in (("seen", parts.held_out_seen), ("new", parts.held_out_new)):
-        for several, by_baseline in map_in_chunks(baselines, held_out):
+    count = len(fold.held_out_seen) + len(fold.held_out_new)
+    for split, held_out in (("seen", fold.held_out_seen), ("new", fold.held_out_new)):
+        for chunk, by_baseline in map_in_chunks(baselines, held_out):
             for baseline, all_mapped in by_baseline.items():
                 pool = sums[split].setdefault(baseline, LabelSums())
-                for one, mapped in zip(several, all_mapped, strict=True):
-                    valid = one.valid
-                    pool.add(one.person, one.label[valid], mapped[valid], one.truth[valid])
+                for drive, mapped in zip(chunk, all_mapped, strict=True):
+                    valid = drive.valid
+                    pool.add(drive.person, drive.label[valid], mapped[valid], drive.truth[valid])
             predictions += [
-                Prediction(series=one, split=split, fold=fold, mapped=mapped)
-                for one, mapped in zip(several, by_baseline[MIND_MELD], strict=True)
+                Prediction(series=drive, split=split, fold=number, mapped=mapped)
+                for drive, mapped in zip(chunk, by_baseline[MIND_MELD], strict=True)
             ]
             on_share(len(predictions) / count)
     return predictions

@@ -1,4 +1,4 @@
-"""Errors of the learning layer; all name a value, its cause and its mend."""
+"""Errors of the learning layer; each names a value, the cause and the remedy."""
 
 from steerlab.sim.errors import SteerlabError
 

@@ -82,21 +82,31 @@ def _add_product(weight: Float32Array, values: Float32Array, out: Float32Array) 
 
 @njit(inline="always", **_KERNEL)
 def _add_outer(left: Float32Array, right: Float32Array, out: Float32Array) -> None:
-    """``out += left @ right.T``: (m, LANES), (n, LANES), (m, n), in tiles."""
-    for i in range(len(left)):
-        a = left[i]
+    """``out += left @ right.T``: (m, LANES), (n, LANES), (m, n), in tiles of two by four."""
+    for i in range(0, len(left), 2):
+        a, b = left[i], left[i + 1]
+        by_a, by_b = out[i], out[i + 1]
         for k in range(0, len(right), TILE):
-            b0, b1, b2, b3 = right[k], right[k + 1], right[k + 2], right[k + 3]
-            s0 = s1 = s2 = s3 = _ZERO
+            v0, v1, v2, v3 = right[k], right[k + 1], right[k + 2], right[k + 3]
+            a0 = a1 = a2 = a3 = b0 = b1 = b2 = b3 = _ZERO
             for r in range(LANES):
-                s0 += a[r] * b0[r]
-                s1 += a[r] * b1[r]
-                s2 += a[r] * b2[r]
-                s3 += a[r] * b3[r]
-            out[i, k] += s0
-            out[i, k + 1] += s1
-            out[i, k + 2] += s2
-            out[i, k + 3] += s3
+                x, y = a[r], b[r]
+                a0 += x * v0[r]
+                a1 += x * v1[r]
+                a2 += x * v2[r]
+                a3 += x * v3[r]
+                b0 += y * v0[r]
+                b1 += y * v1[r]
+                b2 += y * v2[r]
+                b3 += y * v3[r]
+            by_a[k] += a0
+            by_a[k + 1] += a1
+            by_a[k + 2] += a2
+            by_a[k + 3] += a3
+            by_b[k] += b0
+            by_b[k + 1] += b1
+            by_b[k + 2] += b2
+            by_b[k + 3] += b3
 
 
 @njit(cache=True, **_KERNEL)

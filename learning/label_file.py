@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.series import CONTEXT
-from steerlab.sim.arrays import FloatArray
-from steerlab.sim.rollout import BoolArray
+from steerlab.sim.arrays import BoolArray, FloatArray
 
 IntArray = NDArray[np.int64]
 
@@ -101,8 +100,8 @@ def read_label_columns(path: Path) -> LabelColumns:
 
 def _table(path: Path) -> pa.Table:
     if not path.is_file():
-        found = "a folder" if path.is_dir() else "not there"
-        raise InvalidLabels(f"{path} is {found}; give a .csv or .parquet file of labels.")
+        what = "a folder" if path.is_dir() else "not there"
+        raise InvalidLabels(f"{path} is {what}; give a .csv or .parquet file of labels.")
     try:
         if path.suffix.lower() == ".parquet":
             return pyarrow.parquet.read_table(path)
@@ -117,7 +116,7 @@ def _table(path: Path) -> pa.Table:
 
 
 def _codes(table: pa.Table, name: str) -> tuple[tuple[str, ...], IntArray]:
-    """The column's sorted values and, by row, which one it is; strings are never copied a row."""
+    """The column's sorted distinct values, and each row's index into them (no string per row)."""
     column = table.column(name)
     if column.null_count:
         raise InvalidLabels(f"Column {name} has {column.null_count} empty rows; name each one.")

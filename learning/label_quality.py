@@ -110,7 +110,7 @@ class LabelSums:
         self._ratios += ratios
 
     def quality(self, rng: np.random.Generator) -> LabelQuality:
-        """Of everything added.
+        """The quality over everything added.
 
         Raises:
             InvalidLabels: nothing was, or the raw labels have no error at all.
@@ -143,12 +143,12 @@ def mapper_quality(
         raise InvalidLabels("No label series to score; give at least one.")
     columns = [
         (
-            np.full(one.valid.sum(), one.person),
-            one.label[one.valid],
-            mapped[one.valid],
-            one.truth[one.valid],
+            np.full(drive.valid.sum(), drive.person),
+            drive.label[drive.valid],
+            mapped[drive.valid],
+            drive.truth[drive.valid],
         )
-        for one, mapped in ((one, mapper.map(one)) for one in series)
+        for drive, mapped in ((drive, mapper.map(drive)) for drive in series)
     ]
     person, raw, mapped, truth = (np.concatenate(column) for column in zip(*columns, strict=True))
     return label_quality(person, raw, mapped, truth, rng)
@@ -171,7 +171,7 @@ def _quality(
     ratio: float,
     rng: np.random.Generator,
 ) -> LabelQuality:
-    """From sums: before and after are (people,)."""
+    """The quality from sums; before and after are (people,)."""
     if total_before == 0.0:
         raise InvalidLabels("The raw labels equal the truth; no improvement is defined.")
     return LabelQuality(

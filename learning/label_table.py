@@ -56,7 +56,7 @@ class GivenSeries:
 
     @property
     def rows(self) -> IntArray:
-        """Where in ``series`` the given steps are."""
+        """Indices of the given steps in ``series``."""
         return self.steps - self.steps[0]
 
 
@@ -74,7 +74,7 @@ class LabelTable:
 
     @property
     def has_split(self) -> bool:
-        """Whether the table says itself what trains and what is held out."""
+        """Whether the table's own split column says what trains and what is held out."""
         return self.given[0].split is not None
 
 
@@ -103,11 +103,11 @@ def label_table(columns: LabelColumns, scale: LabelScale) -> LabelTable:
     _check_steps(step, starts, ends, names)
     spans = step[ends - 1] - step[starts] + 1
     offsets = np.r_[0, np.cumsum(spans)]
-    place = np.repeat(offsets[:-1] - step[starts], ends - starts) + step
+    filled_at = np.repeat(offsets[:-1] - step[starts], ends - starts) + step
 
     def spread(values: FloatArray) -> FloatArray:
         filled = np.full(offsets[-1], np.nan)
-        filled[place] = values[order]
+        filled[filled_at] = values[order]
         return filled
 
     label = spread(columns.label * scale.wheel_per_unit)
@@ -200,13 +200,13 @@ def _rates(
     t_s, step = columns.t_s[order], columns.step[order]
     counts = step[ends - 1] - step[starts]
     spans = t_s[ends - 1] - t_s[starts]
-    several = counts > 0
-    step_s = np.where(several, spans / np.maximum(counts, 1), np.nan)
+    timed = counts > 0
+    step_s = np.where(timed, spans / np.maximum(counts, 1), np.nan)
     lines = np.repeat(t_s[starts], ends - starts) + np.repeat(step_s, ends - starts) * (
         step - np.repeat(step[starts], ends - starts)
     )
     off = np.abs(t_s - lines) > _UNEVEN * np.repeat(np.abs(step_s), ends - starts)
-    backwards = several & ~(step_s > 0.0)
+    backwards = timed & ~(step_s > 0.0)
     if off.any() or backwards.any():
         row = int(np.argmax(off)) if off.any() else int(starts[np.argmax(backwards)])
         person, rollout = names[int(np.searchsorted(starts, row, side="right")) - 1]
@@ -215,14 +215,14 @@ def _rates(
             f"resample the labels, or drop the column and give --rate-hz."
         )
     rates = np.round(1.0 / step_s, 4)
-    if not several.any():
+    if not timed.any():
         rates[:] = scale.rate_hz or DEFAULT_RATE_HZ
-    found = float(np.nanmedian(rates))
-    if scale.rate_hz is not None and abs(found / scale.rate_hz - 1.0) > 0.01:
+    rate_hz = float(np.nanmedian(rates))
+    if scale.rate_hz is not None and abs(rate_hz / scale.rate_hz - 1.0) > 0.01:
         raise InvalidLabels(
-            f"--rate-hz is {scale.rate_hz:g}, but t_s says {found:g}; drop the one that is wrong."
+            f"--rate-hz is {scale.rate_hz:g}, but t_s says {rate_hz:g}; drop the one that is wrong."
         )
-    return np.where(several, rates, found)  # a lone step has no neighbours, so any rate will do
+    return np.where(timed, rates, rate_hz)  # a lone step has no neighbours, so any rate will do
 
 
 def _splits(

@@ -1,7 +1,8 @@
-"""What corrects labels: the contract of every mapper, and MIND MELD as one."""
+"""Label mappers: the protocol of every mapper, and MIND MELD as one."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import chain
 from typing import Protocol
 
 import numpy as np
@@ -13,7 +14,7 @@ from steerlab.learning.certainty import Calibrated, TrainingPeople
 from steerlab.learning.errors import NotFitted, UnknownPerson
 from steerlab.learning.mind_meld import MindMeld
 from steerlab.learning.presets import LAB, MapperConfig
-from steerlab.learning.series import LabelSeries
+from steerlab.learning.series import LabelSeries, by_person, lookup_person
 from steerlab.learning.training import torch_threads, train
 from steerlab.learning.windows import Windows, make_windows
 from steerlab.sim.arrays import FloatArray
@@ -119,35 +120,32 @@ class MindMeldMapper:
             InvalidLabels: no series, or someone without a valid step.
         """
         network, mean = self.network, self.mean_embedding
-        people: dict[str, list[LabelSeries]] = {}
-        for one in series:
-            people.setdefault(one.person, []).append(one)
-        everyone = list(people.values()) or [[]]
+        people = list(by_person(series).values()) or [[]]
         groups = [
-            [one for own in everyone[start : start + _PEOPLE_AT_ONCE] for one in own]
-            for start in range(0, len(everyone), _PEOPLE_AT_ONCE)
+            list(chain.from_iterable(people[start : start + _PEOPLE_AT_ONCE]))
+            for start in range(0, len(people), _PEOPLE_AT_ONCE)
         ]
 
-        def one_group(few: list[LabelSeries]) -> tuple[tuple[str, ...], CalibratedPeople]:
-            rows = spread_rows(few, WINDOWS_PER_PERSON) if few else None
-            windows = make_windows(few, self.config.window, rows)
+        def calibrate_group(group: list[LabelSeries]) -> tuple[tuple[str, ...], CalibratedPeople]:
+            rows = spread_rows(group, WINDOWS_PER_PERSON) if group else None
+            windows = make_windows(group, self.config.window, rows)
             with torch_threads(1):  # a thread of Python's has its own count
                 weight = self.config.training.embedding_loss_weight
                 return windows.people, calibrate(network, windows, mean, weight)
 
         with ThreadPoolExecutor(max_workers=_WORKERS) as pool:
-            for known, found in pool.map(one_group, groups):
-                self._keep(known, found)
+            for names, calibrated in pool.map(calibrate_group, groups):
+                self._keep(names, calibrated)
 
-    def _keep(self, people: tuple[str, ...], found: CalibratedPeople) -> None:
+    def _keep(self, people: tuple[str, ...], calibrated: CalibratedPeople) -> None:
         training = TrainingPeople.of(self.training_embeddings.double().numpy())
         for index, person in enumerate(people):
-            self._embeddings[person] = found.embeddings[index]
+            self._embeddings[person] = calibrated.embeddings[index]
             self._calibrated[person] = training.judge(
                 person,
-                found.embeddings[index].double().numpy(),
-                found.information[index].numpy(),
-                found.g_sigma[index].double().numpy(),
+                calibrated.embeddings[index].double().numpy(),
+                calibrated.information[index].numpy(),
+                calibrated.g_sigma[index].double().numpy(),
             )
 
     def map(self, series: LabelSeries) -> FloatArray:
@@ -173,12 +171,7 @@ class MindMeldMapper:
 
     def embedding_tensor(self, person: str) -> Tensor:
         """The person's w as the network takes it, (d,) float32."""
-        if person not in self._embeddings:
-            raise UnknownPerson(
-                f"{self.name} does not know {person!r}; it knows {self._known()}. "
-                "Call calibrate with their calibration series first."
-            )
-        return self._embeddings[person]
+        return lookup_person(self._embeddings, self.name, person)
 
     def calibration(self, person: str) -> Calibrated:
         """How sure a new person's embedding is, and whether they are unlike the training people.
@@ -195,12 +188,12 @@ class MindMeldMapper:
 
     @property
     def calibrated(self) -> tuple[str, ...]:
-        """Everyone who has a ``calibration``."""
+        """The people who have a ``calibration``."""
         return tuple(self._calibrated)
 
     @property
     def people(self) -> tuple[str, ...]:
-        """Everyone who can be mapped, fitted or calibrated."""
+        """The people who can be mapped, fitted or calibrated."""
         return tuple(self._embeddings)
 
     @property
@@ -238,11 +231,6 @@ class MindMeldMapper:
             NotFitted: ``fit`` was not called.
         """
         return self.training_embeddings.mean(dim=0)
-
-    def _known(self) -> str:
-        names = list(self._embeddings)
-        shown = ", ".join(names[:5]) or "no one"
-        return f"{shown} and {len(names) - 5} more" if len(names) > 5 else shown
 
 
 def map_windows(network: MindMeld, windows: Windows, embedding: Tensor) -> FloatArray:

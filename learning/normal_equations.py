@@ -26,7 +26,7 @@ class Sums(NamedTuple):
 
 
 class PeopleWindows(NamedTuple):
-    """Everyone's windows side by side; whoever has fewer is filled up with windows that are not there.
+    """Everyone's windows side by side; people with fewer are padded with absent windows.
 
     Attributes:
         encoding: (people, most, k).
@@ -49,20 +49,20 @@ class PeopleWindows(NamedTuple):
         counts: Tensor,
         strides: Tensor,
     ) -> "PeopleWindows":
-        """Lay them side by side.
+        """Pad everyone's windows to one length.
 
         Args:
             network: frozen.
             encoding: (windows, k), one person's after another's.
             difference: (windows,).
             counts: (people,), each at least 1.
-            strides: (people,), of whose windows only every so many are taken.
+            strides: (people,), every ``stride``-th of a person's windows is taken.
         """
         sizes, steps = counts.tolist(), strides.tolist()
 
         def beside(values: Tensor) -> Tensor:
-            own = zip(values.split(sizes), steps, strict=True)
-            return pad_sequence([one[::step] for one, step in own], batch_first=True)
+            people = zip(values.split(sizes), steps, strict=True)
+            return pad_sequence([rows[::step] for rows, step in people], batch_first=True)
 
         laid, hidden = beside(encoding), network.difference.hidden
         before_w = laid @ hidden.weight[:, : laid.shape[2]].T + hidden.bias

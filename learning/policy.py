@@ -1,4 +1,4 @@
-"""The learners' policy: a small network from what the car's camera sees to a wheel position.
+"""The learners' policy: a small network from camera image and motion to a wheel position.
 
 The state is the paper's: image, velocity and acceleration in the car's own frame. Neither pose (it
 memorises one world) nor the wheel itself (it confuses causes) is an input.
@@ -35,7 +35,7 @@ FORMAT, FORMAT_VERSION = "steerlab-policy", 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observations:
-    """What a policy may see, ``rows`` of it.
+    """What a policy may see: images and motion, a row each.
 
     Attributes:
         image: (rows, 3, 16, 32) uint8, RGB.
@@ -57,15 +57,15 @@ class Observations:
         return len(self.image)
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> "Observations":
-        """Some of the rows."""
+        """The chosen rows."""
         return Observations(self.image[rows], self.motion[rows])
 
 
-def stack(parts: list[Observations]) -> Observations:
-    """All rows of all parts, in order."""
+def stack(observations: list[Observations]) -> Observations:
+    """All rows of all ``observations``, in order."""
     return Observations(
-        np.concatenate([part.image for part in parts]),
-        np.concatenate([part.motion for part in parts]),
+        np.concatenate([seen.image for seen in observations]),
+        np.concatenate([seen.motion for seen in observations]),
     )
 
 
@@ -135,13 +135,13 @@ class PolicyNetwork(nn.Module):
 
     def features(self, image: Tensor, motion: Tensor) -> Tensor:
         """(rows, 3, 16, 32) uint8 and (rows, 5) -> (rows, hidden)."""
-        parts: list[Tensor] = []
+        inputs: list[Tensor] = []
         if self.config.inputs != "state":
-            parts.append(self.image(image.float().mul_(1.0 / 127.5).sub_(1.0)))
+            inputs.append(self.image(image.float().mul_(1.0 / 127.5).sub_(1.0)))
         if self.config.inputs != "image":
             centre, scale = torch.tensor(MOTION_CENTRE), torch.tensor(MOTION_SCALE)
-            parts.append((motion - centre) / scale)
-        return torch.relu(self.hidden(torch.cat(parts, dim=1)))
+            inputs.append((motion - centre) / scale)
+        return torch.relu(self.hidden(torch.cat(inputs, dim=1)))
 
     def forward(self, image: Tensor, motion: Tensor) -> Tensor:
         """(rows,) wheel positions, not clipped."""
@@ -175,7 +175,7 @@ def load_policy(path: Path) -> PolicyNetwork:
     Raises:
         InvalidCheckpoint: the file is missing, damaged, or of another kind or version.
     """
-    tensors, header = read_tensors(path, what="policy", mend="teach one and save it")
+    tensors, header = read_tensors(path, what="policy", remedy="teach one and save it")
     if (header.get("format"), header.get("version")) != (FORMAT, FORMAT_VERSION):
         raise InvalidCheckpoint(
             f"{path} holds {header.get('format')!r} version {header.get('version')!r}, not "

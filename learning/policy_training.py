@@ -19,11 +19,11 @@ Progress = Callable[[float], None]
 
 
 def no_progress(share: float) -> None:
-    """Nobody is told how far it is."""
+    """A ``Progress`` that ignores the share."""
 
 
 class TrainingDiverged(SteerlabError, ArithmeticError):
-    """The loss is not a number any more."""
+    """The loss or a weight became NaN or infinite."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +46,7 @@ class PolicyTrainingConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrainingRows:
-    """What a policy is to imitate.
+    """Observations, and the wheel a policy should learn to give for each.
 
     Attributes:
         target: (rows,) wheel positions.
@@ -90,7 +90,7 @@ def train_policy(
         TrainingDiverged: the loss is not finite; the network is then as it was.
     """
     image, motion = torch.from_numpy(rows.seen.image), torch.from_numpy(rows.seen.motion)
-    target, weight = (torch.from_numpy(one).float() for one in (rows.target, rows.weight))
+    target, weight = (torch.from_numpy(values).float() for values in (rows.target, rows.weight))
     trained = deepcopy(network)
     optimiser = torch.optim.Adam(trained.parameters(), lr=config.rate, fused=True)
     losses = np.empty(config.steps)
@@ -110,7 +110,7 @@ def train_policy(
             loss.backward()
             optimiser.step()
             progress((step + 1) / config.steps)
-    if not all(torch.isfinite(one).all() for one in trained.parameters()):
+    if not all(torch.isfinite(weights).all() for weights in trained.parameters()):
         raise TrainingDiverged(
             f"A weight of the policy is not finite after {config.steps} steps; lower the rate "
             f"({config.rate:g}) or look at the labels."

@@ -1,4 +1,4 @@
-"""Do embeddings hold the style? Linear probes from w to what is known of each person."""
+"""Do embeddings hold the style? Linear probes from w to people's style parameters."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,13 +1,13 @@
 """``LabelSeries``: one person's labels for one rollout beside the ground truth."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from steerlab.learning.errors import InvalidLabels
-from steerlab.sim.arrays import FloatArray
-from steerlab.sim.rollout import BoolArray
+from steerlab.learning.errors import InvalidLabels, UnknownPerson
+from steerlab.sim.arrays import BoolArray, FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ _COLUMNS = (
 CONTEXT = ("yaw_rate_radps", "speed_mps", "robot_wheel")
 """What ``series_from_table`` keeps of the car's own motion, where the table has it."""
 _SLACK = 1e-6  # labels may pass WHEEL_LIMIT by rounding only
+Learned = TypeVar("Learned")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -168,3 +169,28 @@ def _rate_hz(t_s: np.ndarray, where: str) -> float:
     if not step_s > 0.0 or np.abs(np.diff(t_s) - step_s).max() > 0.01 * step_s:
         raise InvalidLabels(f"{where}: t_s is not evenly spaced; it must be step / control_hz.")
     return round(1.0 / step_s, 6)
+
+
+def by_person(series: Sequence[LabelSeries]) -> dict[str, list[LabelSeries]]:
+    """Each person's series, people and series in the order given."""
+    people: dict[str, list[LabelSeries]] = {}
+    for drive in series:
+        people.setdefault(drive.person, []).append(drive)
+    return people
+
+
+def lookup_person(learned: Mapping[str, Learned], mapper: str, person: str) -> Learned:
+    """The entry of ``person`` in ``learned``, which ``mapper`` keeps by person.
+
+    Raises:
+        UnknownPerson: the person was neither fitted nor calibrated.
+    """
+    if person in learned:
+        return learned[person]
+    names = list(learned)
+    known = ", ".join(names[:5]) or "no one"
+    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    raise UnknownPerson(
+        f"{mapper} does not know {person!r}; it knows {known}{more}; "
+        "call calibrate with their calibration series first."
+    )

@@ -71,7 +71,7 @@ class StreamingMapper:
         return self._mind_meld.map(series)
 
     def stream(self, person: str, rate_hz: float) -> "LabelStream":
-        """An empty stream of one person's labels at a control rate; one a rollout.
+        """An empty stream of one person's labels at a control rate; one stream per rollout.
 
         Raises:
             NotFitted: ``fit`` was not called.

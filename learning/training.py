@@ -59,6 +59,14 @@ class TrainingConfig:
     huber: float | None = HUBER
     threads: int = 1
 
+    def drawn_per_epoch(self, windows: int) -> int:
+        """How many of the valid windows an epoch draws."""
+        return min(windows, max(self.least_per_epoch, round(self.share_per_epoch * windows)))
+
+    def steps(self, windows: int) -> int:
+        """Gradient steps on a table of so many valid windows."""
+        return self.epochs * -(-self.drawn_per_epoch(windows) // self.batch_size)
+
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if value is None and name == "huber":
@@ -190,9 +198,7 @@ def train(
     else:
         embeddings = given.reshape(shape)
     optimizer = torch.optim.Adam(groups, fused=True)
-    per_epoch = min(
-        len(rows), max(config.least_per_epoch, round(config.share_per_epoch * len(rows)))
-    )
+    per_epoch = config.drawn_per_epoch(len(rows))
     batches = -(-per_epoch // config.batch_size)
     history: list[tuple[float, float]] = []
     with torch_threads(config.threads):

@@ -122,15 +122,15 @@ def make_windows(
     """
     if not series:
         raise InvalidLabels("No label series given; windows need at least one.")
-    steps = np.array([one.steps for one in series])
+    steps = np.array([drive.steps for drive in series])
     ends = np.cumsum(steps)
-    label = np.concatenate([one.label for one in series])
+    label = np.concatenate([drive.label for drive in series])
     centre = np.arange(len(label)) if rows is None else rows
     series_of = np.searchsorted(ends, centre, side="right")
     first = (ends - steps)[series_of][:, None]
     last = (ends - 1)[series_of][:, None]
 
-    rates, rate_of = np.unique([one.rate_hz for one in series], return_inverse=True)
+    rates, rate_of = np.unique([drive.rate_hz for drive in series], return_inverse=True)
     offsets = [window_offsets(rate_hz, config) for rate_hz in rates]
     rate_of_row = rate_of[series_of]
     weight = np.stack([fraction for _, fraction in offsets])[rate_of_row]
@@ -142,15 +142,15 @@ def make_windows(
     sample = label[lower] + weight * (label[upper] - label[lower])
     present = inside & np.isfinite(sample)
 
-    people = tuple(dict.fromkeys(one.person for one in series))
+    people = tuple(dict.fromkeys(drive.person for drive in series))
     index = {person: row for row, person in enumerate(people)}
-    truth = np.concatenate([one.truth for one in series])[centre]
+    truth = np.concatenate([drive.truth for drive in series])[centre]
     inputs = np.stack([np.where(present, sample, 0.0), present], axis=-1)
     return Windows(
         inputs=torch.from_numpy(inputs.astype(np.float32)),
         label=torch.from_numpy(label[centre].astype(np.float32)),
         truth=torch.from_numpy(truth.astype(np.float32)),
-        valid=torch.from_numpy(np.concatenate([one.valid for one in series])[centre]),
-        person=torch.from_numpy(np.array([index[one.person] for one in series])[series_of]),
+        valid=torch.from_numpy(np.concatenate([drive.valid for drive in series])[centre]),
+        person=torch.from_numpy(np.array([index[drive.person] for drive in series])[series_of]),
         people=people,
     )

@@ -1,4 +1,4 @@
-"""Make the calibration set: what its rollouts must be like, and the search for them."""
+"""Make the calibration set: record rollouts, and search for those that keep its rules."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,11 +6,10 @@ from math import hypot
 
 import numpy as np
 
-from steerlab.sim.engine.driving import Driving
+from steerlab.sim.engine.driving import Driving, DrivingState
 from steerlab.sim.errors import InvalidConfig, NoPath
 from steerlab.sim.geometry import Pose2D, bearing_rad
 from steerlab.sim.ground_truth import Planner, sample_starts
-from steerlab.sim.recorder import record_rollout
 from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.wizard import WizardOfOzPolicy, WizardStyle
 from steerlab.sim.world_generator import WorldConfig, generate_world
@@ -139,10 +138,10 @@ def _rollouts_of_a_world(
         world_rng, start_rng, wizard_rng = map(np.random.default_rng, world_stream.spawn(3))
         world = generate_world(f"calibration-{number}", world_rng, WORLDS)
         planner = Planner(world, seed=number)
-        found: list[Rollout] = []
+        rollouts: list[Rollout] = []
         with Driving(world) as driving:
             for attempt in range(MAX_TRIES):
-                style = styles[len(found)]
+                style = styles[len(rollouts)]
                 kept = rules or (RULES_OF_A_MISS if style is MISSES else RULES)
                 (start,) = sample_starts(
                     planner, start_rng, 1, min_to_ball_m=kept.start_to_ball_m[0]
@@ -154,7 +153,7 @@ def _rollouts_of_a_world(
                         driving,
                         WizardOfOzPolicy(style, planner, driving.config.control_hz, wizard_rng),
                         planner,
-                        name=f"calibration-{number * len(styles) + len(found):02d}",
+                        name=f"calibration-{number * len(styles) + len(rollouts):02d}",
                         seed=attempt,
                         start=start,
                         max_steps=kept.steps[1],
@@ -162,10 +161,59 @@ def _rollouts_of_a_world(
                 except NoPath:  # drove itself into a dead end: not a rollout to show
                     continue
                 if kept.accept(rollout):
-                    found.append(rollout)
-                if len(found) == len(styles):
-                    return found
+                    rollouts.append(rollout)
+                if len(rollouts) == len(styles):
+                    return rollouts
     raise InvalidConfig(
         f"No {MAX_TRIES} starts in {MAX_WORLDS} worlds gave {len(styles)} rollouts that "
         f"keep the rules for world {number}; loosen CalibrationRules or take another seed."
+    )
+
+
+Policy = Callable[[DrivingState], float]
+
+
+def record_rollout(
+    driving: Driving,
+    policy: Policy,
+    planner: Planner,
+    *,
+    name: str,
+    seed: int,
+    start: Pose2D,
+    max_steps: int | None = None,
+) -> Rollout:
+    """Drive from ``start`` until the drive ends, or ``max_steps``, then label every step.
+
+    Args:
+        policy: wheel position for a state.
+        seed: what the policy was made from, kept with the rollout.
+    """
+    states, wheels, physics = [], [], []
+    state = driving.reset(start=start)
+    while state.outcome is Outcome.RUNNING and len(states) != max_steps:
+        wheel = policy(state)
+        states.append(state)
+        wheels.append(wheel)
+        physics.append(driving.physics_state())
+        driving.step(wheel)
+        state = driving.state
+    outcome = Outcome.TIME_LIMIT if state.outcome is Outcome.RUNNING else state.outcome
+    pose = np.array([(s.pose.x_m, s.pose.y_m, s.pose.heading_rad) for s in states])
+    velocity = np.array([s.velocity for s in states])
+    labels = planner.label_rollout(pose, velocity[:, 0])
+    return Rollout(
+        name=name,
+        world=driving.world,
+        control_hz=driving.config.control_hz,
+        seed=seed,
+        outcome=outcome,
+        t_s=np.arange(len(states)) / driving.config.control_hz,
+        pose=pose,
+        velocity=velocity,
+        acceleration=np.array([s.acceleration for s in states]),
+        robot_wheel=np.array(wheels, dtype=np.float64),
+        oracle_label=labels.wheel,
+        oracle_valid=labels.valid,
+        physics_state=np.array(physics),
     )

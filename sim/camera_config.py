@@ -1,4 +1,4 @@
-"""What a camera is asked for; apart from ``engine``, so that who only names a view loads no MuJoCo."""
+"""Camera settings; kept out of ``engine`` so that naming a view does not load MuJoCo."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args

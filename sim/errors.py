@@ -1,10 +1,10 @@
-"""Errors a user can mend; the command line prints them in one sentence and exits with code 2."""
+"""Errors a user can fix; the command line prints them in one sentence and exits with code 2."""
 
 _LONGEST_SHOWN = 80  # characters of a value: an error is a sentence
 
 
 class SteerlabError(Exception):
-    """Base of every error that names a value, its cause and its mend."""
+    """Base of every error that names a value, the cause and the remedy."""
 
 
 class InvalidConfig(SteerlabError, ValueError):
@@ -41,18 +41,18 @@ class InvalidValue(InvalidConfig):
 
     @classmethod
     def missing(cls, path: str, allowed: str) -> "InvalidValue":
-        """Nothing is there."""
+        """The error of a value that is missing."""
         return cls(path, None, allowed, says=f" is missing; give {allowed}.")
 
     @classmethod
     def refused(cls, value: object, why: SteerlabError) -> "InvalidValue":
-        """A record refused its values in words of its own, which may not name one of them."""
+        """The error of a record that refused ``value`` with its own message ``why``."""
         return why if isinstance(why, cls) else cls("", value, "", says=f": {why}")
 
-    def under(self, place: str) -> "InvalidValue":
-        """The same error, seen from whatever holds the record at ``place``."""
+    def under(self, parent: str) -> "InvalidValue":
+        """The same error, with a path that starts from the record's ``parent``."""
         step = "" if not self.path or self.path.startswith("[") else "."
-        return InvalidValue(f"{place}{step}{self.path}", self.value, self.allowed, says=self._says)
+        return InvalidValue(f"{parent}{step}{self.path}", self.value, self.allowed, says=self._says)
 
     def at(self, file: str, line: int | None) -> "InvalidValue":
         """The same error, in a file."""

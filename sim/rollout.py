@@ -4,14 +4,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from steerlab.sim.arrays import FloatArray
+from steerlab.sim.arrays import BoolArray, FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.world import WorldSpec
-
-BoolArray = NDArray[np.bool_]
 
 
 class Outcome(StrEnum):

@@ -59,7 +59,7 @@ class TeacherStyle:
 
 
 class WholeResponse:
-    """What a teacher who sees a rollout at once answers when asked step by step.
+    """Hands out, step by step, labels that were computed for a whole rollout at once.
 
     Args:
         teacher: the pseudonym, for errors.
@@ -70,7 +70,7 @@ class WholeResponse:
         self._labels: FloatArray | None = None
 
     def begin(self, labels: FloatArray) -> None:
-        """Answer from ``labels``, (steps,), from now on."""
+        """Answer from ``labels``, (steps,), until the next call."""
         self._labels = labels
 
     def label(self, step: int) -> float:

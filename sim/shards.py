@@ -71,11 +71,11 @@ def check_labels(table: pa.Table, source: str) -> pa.Table:
         InvalidRecord: a column is missing, unknown, misplaced or of another type; a required
             value is null; a number is NaN or infinite.
     """
-    wanted, found = LABELLED_STEP_SCHEMA.names, table.schema.names
-    if found != wanted:
-        missing = [name for name in wanted if name not in found]
-        unknown = [name for name in found if name not in wanted]
-        what = f"missing {missing}, unknown {unknown}" if missing or unknown else f"order {found}"
+    wanted, names = LABELLED_STEP_SCHEMA.names, table.schema.names
+    if names != wanted:
+        missing = [name for name in wanted if name not in names]
+        unknown = [name for name in names if name not in wanted]
+        what = f"missing {missing}, unknown {unknown}" if missing or unknown else f"order {names}"
         raise InvalidRecord(f"{source}: columns are not those of a label table: {what}.")
     for field in LABELLED_STEP_SCHEMA:
         column = table.column(field.name)

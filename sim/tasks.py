@@ -1,8 +1,8 @@
 """Driving tasks that learners are compared on: a world, starts, and noise shared by everyone.
 
 The world runs at its usual 20 Hz; a policy decides at every second control step and its wheel is
-held in between, so a decision is worth 0.1 s. Noise is drawn once a decision and added to whatever
-wheel is executed, a person's or a robot's.
+held in between, so a decision is worth 0.1 s. Noise is drawn once a decision and added to the
+executed wheel, a person's or a robot's.
 """
 
 from dataclasses import dataclass, field, replace
@@ -30,7 +30,7 @@ _TRIES = 1000
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """What is driven.
+    """A driving task: its world, wheel noise, speed, planning margin and rates.
 
     Attributes:
         noise: standard deviation of the wheel noise, in wheel units; the paper's follow-up work
@@ -133,7 +133,7 @@ def draw_task_start(task: Task, *entropy: object) -> Start:
 
 
 def redraw_noise(task: Task, start: Start, *entropy: object) -> Start:
-    """The same pose with other noise: another try."""
+    """A start with the same pose and new noise, for another try."""
     return Start(start.pose, draw_noise(task, _rng(task, "again", *entropy)))
 
 
@@ -145,7 +145,7 @@ def draw_noise(task: Task, rng: np.random.Generator) -> FloatArray:
 def screen_starts(
     task: Task, planner: Planner, driving: Driving, count: int, *entropy: object
 ) -> Screened:
-    """Starts from which the noisy oracle reaches the ball; where it fails, nobody is judged.
+    """Starts from which the noisy oracle reaches the ball; no learner is judged on others.
 
     Raises:
         InvalidWorld: too few were found.

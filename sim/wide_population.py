@@ -1,9 +1,9 @@
-"""Teachers who differ widely in gain and delay: whom the downstream comparison is about.
+"""Teachers who differ widely in gain and delay, for the comparison of learners.
 
 The populations of ``populations.py`` hold few people whose labels are far off. What a better label
 is worth to a driver shows with people who correct far too little or too much, half a second early
-or late. Gain and delay are uniform over what the prototype of the
-comparison used, which its goals were set on; everything else is the population ``human``.
+or late. Gain and delay are uniform over the ranges of the comparison's prototype, on which its goals
+were set; everything else is the population ``human``.
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ _STREAM = 0x71DE
 
 @dataclass(frozen=True, kw_only=True)
 class WidePopulationConfig:
-    """Lowest and highest; gain uniform in its logarithm."""
+    """Ranges (lowest, highest) of gain, uniform in its logarithm, and delay, uniform."""
 
     gain: tuple[float, float] = (0.3, 3.0)
     delay_s: tuple[float, float] = (-0.5, 0.8)
@@ -36,8 +36,8 @@ def sample_wide(count: int, seed: int, *, prefix: str) -> list[ScriptedTeacher]:
     people = sample_population("human", count, seed, prefix=prefix)
     root = np.random.SeedSequence([_STREAM, seed, *prefix.encode()])
     return [
-        ScriptedTeacher(one.name, _widened(one, np.random.default_rng(child)), one.seed)
-        for one, child in zip(people, root.spawn(count), strict=True)
+        ScriptedTeacher(person.name, _widened(person, np.random.default_rng(child)), person.seed)
+        for person, child in zip(people, root.spawn(count), strict=True)
     ]
 
 

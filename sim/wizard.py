@@ -18,10 +18,8 @@ from steerlab.sim.vehicle import WHEEL_LIMIT
 DECOY_GAIN = 2.5  # wheel per radian of heading error towards the decoy
 DECOY_WHEEL_LIMIT = 1.6  # a mistaken policy still turns gently
 LOOK_AHEAD_M = 45.0  # blocks further off are no decoys
-MISS_BY_M = (
-    9.0,
-    13.0,
-)  # how far beside the ball it aims when it misses: outside its turning circle
+# How far beside the ball it aims when it misses: outside its turning circle.
+MISS_BY_M = (9.0, 13.0)
 MISS_BEYOND_M = 15.0
 MISS_WITHIN_M = 30.0  # from the ball, where a policy that misses starts to
 MISSED_RAD = 1.5  # bearing of a ball that has been passed
@@ -30,7 +28,7 @@ CHANGE_OF_MIND_S = 0.25  # time constant of going from one aim to another
 
 @dataclass(frozen=True, kw_only=True)
 class WizardStyle:
-    """One way of driving badly.
+    """Parameters of one way of driving badly.
 
     Attributes:
         gain: share of the oracle's wheel it applies; below 1 it recovers late.
@@ -100,7 +98,7 @@ class WizardOfOzPolicy:
             self._until_s = state.t_s + length_s * float(self._rng.uniform(0.6, 1.4))
 
     def _miss_once(self, pose: Pose2D) -> None:
-        """Near the ball, aim beside it; once it lies behind, even this policy sees that."""
+        """Near the ball, aim beside it; stop doing so once the ball lies behind the car."""
         ball_x_m, ball_y_m = self._planner.world.ball_xy_m
         to_ball_x_m, to_ball_y_m = ball_x_m - pose.x_m, ball_y_m - pose.y_m
         distance_m = hypot(to_ball_x_m, to_ball_y_m)

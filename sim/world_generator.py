@@ -108,7 +108,7 @@ def _draw_block(rng: np.random.Generator, config: WorldConfig) -> Block:
 
 
 def _keeps_gaps(block: Block, others: list[Block], config: WorldConfig, min_gap_m: float) -> bool:
-    """Each neighbour, and the edge of the ground, is overlapped or left far enough."""
+    """Whether each block, and the ground's edge, is either overlapped or far enough away."""
     edge_gap_m = config.half_extent_m - max(
         abs(block.x_m) + block.half_x_m, abs(block.y_m) + block.half_y_m
     )

@@ -10,8 +10,9 @@ from pathlib import Path
 
 from steerlab.sim.files.folder_lock import FolderLock
 from steerlab.sim.rollout import Rollout
+from steerlab.study.recording.replay import oracle_path, view_of
 from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
-from steerlab.study.replay import oracle_path, view_of
+from steerlab.teleop.attempt import SessionConfig
 from steerlab.teleop.devices.contract import Device, DeviceInfo, InputKind
 from steerlab.teleop.devices.force_feedback import DEFAULT_AUTOCENTRE
 from steerlab.teleop.devices.open import open_device
@@ -21,10 +22,10 @@ from steerlab.teleop.loop import NullClock, run_drive
 from steerlab.teleop.pages import keeping_page
 from steerlab.teleop.practice import Practice, PracticeConfig, PracticeResult
 from steerlab.teleop.screen.config import ScreenConfig
-from steerlab.teleop.screen.drive_screen import open_screen
+from steerlab.teleop.screen.drive_screen import DriveScreen
 from steerlab.teleop.screen.resolution import Resolution
 from steerlab.teleop.sdl import SdlEvents
-from steerlab.teleop.session import DriveSession, SessionConfig, SessionEnd
+from steerlab.teleop.session import DriveSession, SessionEnd
 from steerlab.teleop.timing_limits import LoopHealth
 
 Progress = Callable[[str, float], None]
@@ -108,7 +109,7 @@ class CalibrationSession:
             device = open_device(spec, events, autocentre=config.autocentre)
             device.connect()
             try:
-                with open_screen(events, config.screen) as screen:
+                with DriveScreen(events, config.screen) as screen:
                     if self.left:
                         screen.enter(self.left[0].world)  # measures how fast it can draw
                     with self._recorder(device.info, screen.resolution) as recorder:
@@ -219,7 +220,7 @@ def practise(
         device = open_device(spec, events, autocentre=autocentre)
         device.connect()
         try:
-            with open_screen(events, screen_config) as screen:
+            with DriveScreen(events, screen_config) as screen:
                 return Practice(screen=screen, device=device, poll=events.poll, config=config).run()
         finally:
             device.disconnect()

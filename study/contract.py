@@ -1,4 +1,4 @@
-"""What the console and the verbs know of a study; ``teleop.study.study.Study`` is one."""
+"""The types of a study, and ``StudyAccess``: what the console needs of it; ``study.Study`` is one."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,18 +6,16 @@ from enum import StrEnum
 from typing import Protocol
 
 from steerlab.sim.errors import SteerlabError
+from steerlab.study.surveys.answer_format import Value
 from steerlab.study.surveys.questionnaire import Questionnaire
-
-Value = str | int | float
-"""An answer: a number on a scale, a chosen option or a text."""
 
 
 class StudyError(SteerlabError):
-    """A study cannot be used as asked: says what is wrong and how to mend it."""
+    """A study cannot be used as asked; the message says why and what to do."""
 
 
 class Role(StrEnum):
-    """Training participants teach the mapper; test participants are taught with it."""
+    """The network is trained on training participants; test participants teach robots with it."""
 
     TRAINING = "training"
     TEST = "test"
@@ -36,13 +34,22 @@ class PhaseKind(StrEnum):
     DEBRIEF = "debrief"  # page
 
 
+PAGES = (
+    PhaseKind.CONSENT,
+    PhaseKind.QUESTIONNAIRES,
+    PhaseKind.INSTRUCTIONS,
+    PhaseKind.DEBRIEF,
+)
+"""Kinds that are done in the browser."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Phase:
-    """One step of a participant's way through the study.
+    """One step of a participant through the study.
 
     Attributes:
-        id: unique within the participant's way, such as ``pre`` or ``teach-2``.
-        title: for people.
+        id: unique among the participant's phases, such as ``pre`` or ``teach-2``.
+        title: as people read it.
         condition: the learner's key, of teaching phases and of questionnaires about one.
         questionnaires: keys, in order.
         text: of consent, instructions and debriefing pages; paragraphs.
@@ -64,22 +71,32 @@ class PhaseState(StrEnum):
     DONE = "done"
     SKIPPED = "skipped"  # on record with its reason, such as a learner that this version lacks
 
+    @property
+    def over(self) -> bool:
+        """Nothing is left to do in the phase."""
+        return self in (PhaseState.DONE, PhaseState.SKIPPED)
+
 
 class Standing(StrEnum):
-    """Where a participant stands."""
+    """Whether a participant has begun, finished or left."""
 
     ENROLLED = "enrolled"
     RUNNING = "running"
     FINISHED = "finished"
     DECLINED = "declined"  # said no to the consent form
     WITHDRAWN_KEPT = "withdrawn, data kept"
-    ERASING = "withdrawn, being erased"  # until the erasure is said again, if it was cut off
+    ERASING = "withdrawn, being erased"  # if it was cut off: until it is asked for again
     WITHDRAWN_ERASED = "withdrawn, data erased"
 
     @property
     def withdrawn(self) -> bool:
-        """They left, whatever became of their data."""
-        return self in (Standing.WITHDRAWN_KEPT, Standing.ERASING, Standing.WITHDRAWN_ERASED)
+        """The participant left, whether or not their data were kept."""
+        return self is Standing.WITHDRAWN_KEPT or self.erased
+
+    @property
+    def erased(self) -> bool:
+        """The participant left, and their data are gone, or being erased."""
+        return self in (Standing.ERASING, Standing.WITHDRAWN_ERASED)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -88,8 +105,8 @@ class ParticipantView:
 
     Attributes:
         order: condition keys in the assigned order; empty for training participants.
-        phases: the whole way, with how far each phase got.
-        progress: of the phase that is under way, such as ``7 of 12 rollouts``; empty if none.
+        phases: all of them in order, with how far each got.
+        progress: of the phase that is under way, such as ``7 of 12 rollouts``; empty if none is.
     """
 
     id: str
@@ -105,18 +122,19 @@ class ParticipantView:
         """The first that is to be done; None when all are, or the participant has left."""
         if self.standing not in (Standing.ENROLLED, Standing.RUNNING):
             return None
-        over = (PhaseState.DONE, PhaseState.SKIPPED)
-        return next((phase for phase, state in self.phases if state not in over), None)
+        return next((phase for phase, state in self.phases if not state.over), None)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StudyCheck:
-    """One line of a check.
+    """The result of one check.
 
     Attributes:
+        what: was checked.
+        found: the result, in words.
         ok: nothing is wrong.
         mend: what to do; empty where there is nothing to do.
-        notice: nothing is wrong, and yet it should be known: who has not finished yet.
+        notice: nothing is wrong, but it should be known, such as who has not finished yet.
     """
 
     what: str
@@ -161,7 +179,7 @@ class StudyAccess(Protocol):
         ...
 
     def participant_of(self, token: str) -> str | None:
-        """Whose token it is, also after they have left; None if nobody's, or if it has ended."""
+        """The participant with that token, also after they left; None if it is unknown or ended."""
         ...
 
     def questionnaire(self, key: str) -> Questionnaire:
@@ -201,23 +219,23 @@ class StudyAccess(Protocol):
     def consent(self, participant: str, *, given: bool, shown: int | None = None) -> None:
         """Record the decision, with version and hash of the text.
 
-        A yes finishes the consent phase; a no ends the participant's way.
+        A yes finishes the consent phase; after a no the participant does nothing more.
 
         Args:
             shown: version of the text that the decision was made on; None for the newest.
 
         Raises:
-            StudyError: another text than the one shown is valid by now, or the other decision was
-                made before.
+            StudyError: another text than the one shown is valid by now, or the opposite decision
+                was made before.
         """
         ...
 
     def note(self, participant: str | None, text: str) -> None:
-        """Keep a remark of the experimenter's."""
+        """Keep a remark of the experimenter about a participant; None is about the study."""
         ...
 
     def notes(self, participant: str | None) -> Sequence[tuple[str, str]]:
-        """(time in UTC, text) of each remark."""
+        """Time in UTC and text of each remark."""
         ...
 
     def redo(self, participant: str, phase: str) -> None:
@@ -229,12 +247,12 @@ class StudyAccess(Protocol):
         ...
 
     def findings(self, participant: str | None) -> Sequence[StudyCheck]:
-        """How it stands with the device and the timing of a participant's last session.
+        """Checks of the device and the timing of a participant's last session.
 
-        With None: with the whole study, its integrity and its completeness.
+        With None: of the whole study, its integrity and its completeness.
         """
         ...
 
     def change_count(self) -> int:
-        """Grows with every change by whichever process; the console's pages follow it."""
+        """A number that grows with every change by any process; the console polls it."""
         ...

@@ -12,11 +12,10 @@ from steerlab.study.calibration_session import (
     Progress,
     SittingConfig,
 )
-from steerlab.study.recording.session_recorder import STUDY_FILE
 from steerlab.study.store.records import AttemptStatus
-from steerlab.study.store.store import StudyStore
+from steerlab.study.store.store import STUDY_FILE, StudyStore
+from steerlab.teleop.attempt import SessionConfig
 from steerlab.teleop.screen.config import ScreenConfig
-from steerlab.teleop.session import SessionConfig
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""The network that training participants teach, frozen; and each test participant's w from it."""
+"""The network that is trained on training participants and frozen, and each test person's w."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -11,8 +11,6 @@ import pyarrow as pa
 from steerlab.learning.series import LabelSeries, series_from_table
 from steerlab.sim.files.whole_file import rename_durably, whole_file
 from steerlab.study.contract import PhaseKind, PhaseState, Role, Standing, StudyError
-from steerlab.study.frozen_files import MODELS
-from steerlab.study.opened import OpenStudy
 from steerlab.study.progress import ParticipantProgress, everybody, finished_rollouts, progress_of
 from steerlab.study.store.frozen import (
     FrozenModel,
@@ -23,6 +21,7 @@ from steerlab.study.store.frozen import (
     read_embeddings,
     read_models,
 )
+from steerlab.study.study_folder import MODELS, OpenStudy
 
 if TYPE_CHECKING:
     from steerlab.learning.mapper import MindMeldMapper
@@ -32,34 +31,35 @@ ProgressBar = Callable[[str, float], None]
 
 def frozen_model(study: OpenStudy) -> FrozenModel | None:
     """The network in use; None before training, and after its removal."""
-    in_use = [one for one in read_models(study.store.connection) if one.removed_utc is None]
+    models = read_models(study.store.connection)
+    in_use = [model for model in models if model.removed_utc is None]
     return in_use[-1] if in_use else None
 
 
 def training_people(study: OpenStudy) -> list[ParticipantProgress]:
     """Training participants who finished, or who left their data after they had calibrated."""
-    found: list[ParticipantProgress] = []
-    for place in everybody(study):
-        phase = place.of_kind(PhaseKind.CALIBRATION)
+    people: list[ParticipantProgress] = []
+    for person in everybody(study):
+        phase = person.of_kind(PhaseKind.CALIBRATION)
         if (
-            place.view.role is Role.TRAINING
-            and place.view.standing in (Standing.FINISHED, Standing.WITHDRAWN_KEPT)
+            person.view.role is Role.TRAINING
+            and person.view.standing in (Standing.FINISHED, Standing.WITHDRAWN_KEPT)
             and phase is not None
-            and place.state(phase.id) is PhaseState.DONE
+            and person.state(phase.id) is PhaseState.DONE
         ):
-            found.append(place)
-    return found
+            people.append(person)
+    return people
 
 
 def train(study: OpenStudy, progress: ProgressBar) -> FrozenModel:
-    """Train the network on all who may be trained on, and freeze it; then find each w under it.
+    """Train the network on all training people, freeze it, and find each test participant's w.
 
     Raises:
-        StudyError: there is a frozen one already and every w is from it, or too few people
+        StudyError: there is a frozen network already and every w is from it, or too few people
             finished.
     """
     if (known := frozen_model(study)) is not None:
-        if _find_anew(study, known, progress):
+        if _recalibrate(study, known, progress):
             return known
         raise StudyError(
             f"The network is frozen since {known.at_utc} ({known.file}); test participants are "
@@ -79,12 +79,12 @@ def train(study: OpenStudy, progress: ProgressBar) -> FrozenModel:
     config = preset(plan.preset)
     if plan.epochs is not None:
         config = replace(config, training=replace(config.training, epochs=plan.epochs))
-    series = [one for place in people for one in _series(study, place)]
+    series = [rollout for person in people for rollout in _series(study, person)]
     mapper = MindMeldMapper(
         config, seed=seed, on_epoch=lambda done, all_: progress("training the network", done / all_)
     )
     mapper.fit(series)
-    names = [place.view.id for place in people]
+    names = [person.view.id for person in people]
     inputs = _fingerprint(series)
     part = study.folder / MODELS / ".training.part"
     part.parent.mkdir(exist_ok=True)
@@ -96,7 +96,7 @@ def train(study: OpenStudy, progress: ProgressBar) -> FrozenModel:
         insert_model(study.store.connection, file=file, sha256=digest, people=names, inputs=inputs)
     frozen = frozen_model(study)
     assert frozen is not None
-    _find_anew(study, frozen, progress)
+    _recalibrate(study, frozen, progress)
     return frozen
 
 
@@ -107,10 +107,10 @@ def load_frozen(study: OpenStudy, model: FrozenModel) -> "MindMeldMapper":
         StudyError: the file is missing or was changed.
     """
     path = study.folder / model.file
-    found = sha256(path.read_bytes()).hexdigest() if path.is_file() else "missing"
-    if found != model.sha256:
+    now = sha256(path.read_bytes()).hexdigest() if path.is_file() else "missing"
+    if now != model.sha256:
         raise StudyError(
-            f"{path} is not the network that was frozen: its sha256 is {found}, it was "
+            f"{path} is not the network that was frozen: its sha256 is {now}, it was "
             f"{model.sha256}. Restore it from the last copy of the study."
         )
     from steerlab.learning.checkpoint import load_mapper
@@ -127,8 +127,8 @@ def calibrate_participant(
         StudyError: the participant has not finished calibration, or no network can be trained.
     """
     model = frozen_model(study) or train(study, progress)
-    place = progress_of(study, participant)
-    missing = set(place.protocol.rollouts) - set(finished_rollouts(study, place))
+    person = progress_of(study, participant)
+    missing = set(person.protocol.rollouts) - set(finished_rollouts(study, person))
     if missing:
         raise StudyError(
             f"{participant} has not corrected {', '.join(sorted(missing))} yet; finish that first."
@@ -136,35 +136,35 @@ def calibrate_participant(
     from steerlab.learning.checkpoint import save_mapper
 
     mapper = load_frozen(study, model)
-    series = _series(study, place)
+    series = _series(study, person)
     mapper.calibrate(series)
-    found = mapper.calibration(participant)
-    kept = StoredEmbedding(
+    calibrated = mapper.calibration(participant)
+    embedding = StoredEmbedding(
         participant=participant,
         model_sha256=model.sha256,
-        w=found.embedding,
-        covariance=found.covariance,
-        distance=found.distance,
-        outside=found.outside,
+        w=calibrated.embedding,
+        covariance=calibrated.covariance,
+        distance=calibrated.distance,
+        outside=calibrated.outside,
         inputs=_fingerprint(series),
     )
     with whole_file(person_file(study, model, participant)) as part:
         save_mapper(mapper, part)
     with study.store.connection.transaction(f"keep w of {participant!r}", durable=True):
-        insert_embedding(study.store.connection, kept)
-    return kept
+        insert_embedding(study.store.connection, embedding)
+    return embedding
 
 
 def person_file(study: OpenStudy, model: FrozenModel, participant: str) -> Path:
-    """The network together with one test participant's w, for whoever maps their labels."""
+    """The file that holds the network and one test participant's w, to map their labels."""
     base = study.folder / model.file
     return base.with_name(f"{base.stem}-{participant}.safetensors")
 
 
 def remove_models_of(study: OpenStudy, participant: str) -> None:
-    """Remove the network that the participant's labels went into, and every w from it.
+    """Remove the network that was trained on the participant's labels, and every w from it.
 
-    Also files that a crash left without a row: nobody knows whose labels are in them.
+    Also files that a crash left without a row: whose labels are in them is unknown.
     """
     for model in read_models(study.store.connection):
         if participant in model.people and model.removed_utc is None:
@@ -181,33 +181,33 @@ def remove_models_of(study: OpenStudy, participant: str) -> None:
 def renew(study: OpenStudy, progress: ProgressBar) -> None:
     """After a removal: train anew if enough people are left, and find each w under the new network.
 
-    Doing it again changes nothing.
+    Calling it again changes nothing.
     """
     if not read_models(study.store.connection):
         return
     model = frozen_model(study)
     if model is not None:
-        _find_anew(study, model, progress)
+        _recalibrate(study, model, progress)
     elif len(training_people(study)) >= study.current().mapper.minimum_people:
         train(study, progress)
 
 
-def _find_anew(study: OpenStudy, model: FrozenModel, progress: ProgressBar) -> int:
-    """Find each w that comes from a network that was removed; how many there were."""
+def _recalibrate(study: OpenStudy, model: FrozenModel, progress: ProgressBar) -> int:
+    """Find anew each w that comes from a network that was removed; returns how many there were."""
     known = read_embeddings(study.store.connection)
-    found = 0
-    for place in everybody(study):
-        mine, phase = known.get(place.view.id), place.of_kind(PhaseKind.CALIBRATE_W)
-        done = phase is not None and place.state(phase.id) is PhaseState.DONE
-        if done and mine is not None and mine.model_sha256 != model.sha256:
-            calibrate_participant(study, place.view.id, progress)
-            found += 1
-    return found
+    count = 0
+    for person in everybody(study):
+        embedding, phase = known.get(person.view.id), person.of_kind(PhaseKind.CALIBRATE_W)
+        done = phase is not None and person.state(phase.id) is PhaseState.DONE
+        if done and embedding is not None and embedding.model_sha256 != model.sha256:
+            calibrate_participant(study, person.view.id, progress)
+            count += 1
+    return count
 
 
-def _series(study: OpenStudy, place: ParticipantProgress) -> list[LabelSeries]:
-    """A participant's labels of the attempts that count."""
-    attempts = finished_rollouts(study, place)
+def _series(study: OpenStudy, person: ParticipantProgress) -> list[LabelSeries]:
+    """A participant's labels of the attempts that count, one series a rollout."""
+    attempts = finished_rollouts(study, person)
     tables = [study.store.steps(attempts[name]) for name in sorted(attempts)]
     return series_from_table(pa.concat_tables(tables)) if tables else []
 
@@ -215,8 +215,8 @@ def _series(study: OpenStudy, place: ParticipantProgress) -> list[LabelSeries]:
 def _fingerprint(series: Sequence[LabelSeries]) -> str:
     """Hash of labels and truth, to the bit."""
     digest = sha256()
-    for one in series:
-        digest.update(f"{one.person}\0{one.rollout}\0{one.steps}\0".encode())
-        for values in (one.label, one.truth):
+    for rollout in series:
+        digest.update(f"{rollout.person}\0{rollout.rollout}\0{rollout.steps}\0".encode())
+        for values in (rollout.label, rollout.truth):
             digest.update(values.tobytes())
     return digest.hexdigest()

@@ -1,14 +1,12 @@
-"""What is done in the browser: consent, answers, and finishing a page; durable when it returns."""
+"""What is done in the browser: consent, answers, and finishing a page; durable on return."""
 
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
 
-from steerlab.study.contract import Phase, PhaseKind, PhaseState, Standing, StudyError
-from steerlab.study.opened import OpenStudy
-from steerlab.study.phases import PAGES
-from steerlab.study.plans import ConsentText
+from steerlab.study.contract import PAGES, Phase, PhaseKind, PhaseState, Standing, StudyError
 from steerlab.study.progress import ParticipantProgress, answers_of, progress_of
-from steerlab.study.store.answers import Value, insert_response
+from steerlab.study.protocol import ConsentText
+from steerlab.study.store.answers import insert_response
 from steerlab.study.store.people import (
     PhaseAct,
     insert_consent,
@@ -16,19 +14,21 @@ from steerlab.study.store.people import (
     read_consented_sha256,
     read_consents,
 )
+from steerlab.study.study_folder import OpenStudy
+from steerlab.study.surveys.answer_format import Value
 from steerlab.study.surveys.questionnaire import UnknownItem
 
 
 def consent_sha256(text: ConsentText) -> str:
-    """Of the paragraphs that were shown."""
+    """Hash of the paragraphs that were shown."""
     return sha256("\n\n".join(text.text).encode()).hexdigest()
 
 
 def consent_text(study: OpenStudy, participant: str) -> ConsentText:
-    """What the participant has decided on; before that, what is valid now: the newest text.
+    """The text that the participant has decided on; before that the newest.
 
-    The newest, whichever version of the protocol they were enrolled under: a wording that the
-    committee has replaced is shown to nobody any more.
+    The newest counts whichever version of the protocol they were enrolled under: a wording that
+    the committee has replaced is shown to nobody any more.
     """
     decided = read_consented_sha256(study.store.connection, participant)
     for version in study.versions():
@@ -39,27 +39,27 @@ def consent_text(study: OpenStudy, participant: str) -> ConsentText:
 
 
 def consent(study: OpenStudy, participant: str, *, given: bool, shown: int | None = None) -> None:
-    """Keep the decision; the same one twice changes nothing.
+    """Keep the decision on the consent text; the same decision twice changes nothing.
 
     Args:
         shown: version of the text that the decision was made on; None for the newest.
 
     Raises:
-        StudyError: another text is valid by now, the decision was made before and otherwise, or
-            the participant has left.
+        StudyError: another text is valid by now, the opposite decision was made before, or the
+            participant has left.
     """
     connection = study.store.connection
     with connection.transaction(f"keep the consent of {participant!r}", durable=True):
-        place = progress_of(study, participant)
+        progress = progress_of(study, participant)
         before = read_consents(connection).get(participant)
         if before is given:
             return
         if before is not None:
-            mend = "withdraw them instead" if before else "enrol them anew"
+            remedy = "withdraw them instead" if before else "enrol them anew"
             raise StudyError(
-                f"{participant} {'gave' if before else 'refused'} consent before; {mend}."
+                f"{participant} {'gave' if before else 'refused'} consent before; {remedy}."
             )
-        phase = _next(place, None)
+        phase = _next(progress, None)
         if phase.kind is not PhaseKind.CONSENT:
             raise StudyError(f"{participant} is at {phase.id!r}, which asks for no consent.")
         text = consent_text(study, participant)
@@ -83,21 +83,21 @@ def save_answer(
     item: str,
     value: Value | None,
 ) -> None:
-    """Keep one answer; None takes it back. The same one again changes nothing.
+    """Keep one answer; None takes it back. The same answer again changes nothing.
 
     Raises:
-        StudyError: the phase is not the one the participant is at, or has no such item.
+        StudyError: the participant is not at that phase, or it has no such item.
         InvalidAnswer: the item does not allow the answer.
     """
     connection = study.store.connection
     with connection.transaction(f"keep an answer of {participant!r}", durable=True):
-        place = progress_of(study, participant)
-        at = place.phase(phase)
-        if place.state(phase) is PhaseState.DONE:
-            raise StudyError(f"{at.title!r} is finished, so its answers stay as they are.")
-        _next(place, phase)
-        if questionnaire not in at.questionnaires:
-            known = ", ".join(at.questionnaires) or "nothing"
+        progress = progress_of(study, participant)
+        page = progress.phase(phase)
+        if progress.state(phase) is PhaseState.DONE:
+            raise StudyError(f"{page.title!r} is finished, so its answers stay as they are.")
+        _next(progress, phase)
+        if questionnaire not in page.questionnaires:
+            known = ", ".join(page.questionnaires) or "nothing"
             raise StudyError(f"{phase!r} does not ask {questionnaire!r}; it asks {known}.")
         asked = study.questionnaires[questionnaire]
         try:
@@ -105,16 +105,16 @@ def save_answer(
             value = None if value is None else asked.check(item, value)
         except UnknownItem as error:
             raise StudyError(str(error)) from error
-        before = answers_of(study, place, phase).get(questionnaire, {}).get(item)
+        before = answers_of(study, progress, phase).get(questionnaire, {}).get(item)
         if (before, type(before)) == (value, type(value)):
             return
-        if place.state(phase) is PhaseState.WAITING:
+        if progress.state(phase) is PhaseState.WAITING:
             insert_phase_event(connection, participant, phase, PhaseAct.STARTED)
         insert_response(
             connection,
             participant=participant,
             phase=phase,
-            phase_run=place.phase_run(phase),
+            phase_run=progress.phase_run(phase),
             questionnaire=questionnaire,
             item=item,
             value=value,
@@ -128,43 +128,43 @@ def submit(study: OpenStudy, participant: str, phase: str) -> Mapping[str, Seque
         required items without an answer, by questionnaire; empty when the page is finished.
 
     Raises:
-        StudyError: it is not the page the participant is at, nor finished already.
+        StudyError: the participant is not at that page, and it is not finished already.
     """
     connection = study.store.connection
     with connection.transaction(f"finish {phase!r} of {participant!r}", durable=True):
-        place = progress_of(study, participant)
-        at = place.phase(phase)
-        if place.state(phase) is PhaseState.DONE:
+        progress = progress_of(study, participant)
+        kind = progress.phase(phase).kind
+        if progress.state(phase) is PhaseState.DONE:
             return {}
-        _next(place, phase)
-        if at.kind not in PAGES or at.kind is PhaseKind.CONSENT:
-            raise StudyError(f"{phase!r} is a {at.kind} phase; it is not finished by a page.")
-        if missing := missing_answers(study, place, phase):
+        _next(progress, phase)
+        if kind not in PAGES or kind is PhaseKind.CONSENT:
+            raise StudyError(f"{phase!r} is a {kind} phase; it is not finished by a page.")
+        if missing := missing_answers(study, progress, phase):
             return missing
         insert_phase_event(connection, participant, phase, PhaseAct.DONE)
     return {}
 
 
 def missing_answers(
-    study: OpenStudy, place: ParticipantProgress, phase: str
+    study: OpenStudy, progress: ParticipantProgress, phase: str
 ) -> dict[str, list[str]]:
     """Required items of a phase without an answer, by questionnaire."""
-    given = answers_of(study, place, phase)
-    found = {
+    given = answers_of(study, progress, phase)
+    missing = {
         key: study.questionnaires[key].missing(given.get(key, {}))
-        for key in place.phase(phase).questionnaires
+        for key in progress.phase(phase).questionnaires
     }
-    return {key: items for key, items in found.items() if items}
+    return {key: items for key, items in missing.items() if items}
 
 
-def _next(place: ParticipantProgress, phase: str | None) -> Phase:
+def _next(progress: ParticipantProgress, phase: str | None) -> Phase:
     """The phase the participant is at, which must be ``phase`` unless that is None."""
-    view = place.view
-    at = view.next_phase
-    if at is None:
+    view = progress.view
+    next_phase = view.next_phase
+    if next_phase is None:
         gone = view.standing is not Standing.FINISHED
         why = f"has left the study ({view.standing})" if gone else "has finished the study"
         raise StudyError(f"{view.id} {why}; nothing more is recorded.")
-    if phase is not None and at.id != phase:
-        raise StudyError(f"{view.id} is at {at.id!r}, not at {phase!r}; do that first.")
-    return at
+    if phase is not None and next_phase.id != phase:
+        raise StudyError(f"{view.id} is at {next_phase.id!r}, not at {phase!r}; do that first.")
+    return next_phase

@@ -1,4 +1,4 @@
-"""Known correlations between how scripted participants teach and what they answer."""
+"""Planted effects: known correlations between how scripted participants teach and answer."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -87,17 +87,17 @@ def effects_on(
     Raises:
         InvalidConfig: as ``check_effects``.
     """
-    found: dict[str, list[PlantedEffect]] = {scale: [] for scale in trait_scales(questionnaire)}
+    by_scale: dict[str, list[PlantedEffect]] = {scale: [] for scale in trait_scales(questionnaire)}
     for effect in effects:
         if effect.questionnaire != questionnaire.key:
             continue
-        if effect.scale_key not in found:
+        if effect.scale_key not in by_scale:
             raise InvalidConfig(
                 f"No effect can be planted on {effect.scale}; scales of {questionnaire.key} with "
-                f"a trait of their own are: {', '.join(found) or 'none'}."
+                f"a trait of their own are: {', '.join(by_scale) or 'none'}."
             )
-        found[effect.scale_key].append(effect)
-    for scale, several in found.items():
+        by_scale[effect.scale_key].append(effect)
+    for scale, several in by_scale.items():
         styles = [effect.style for effect in several]
         if len(set(styles)) != len(styles):
             raise InvalidConfig(
@@ -109,22 +109,22 @@ def effects_on(
                 f"The effects planted on {questionnaire.key}.{scale} explain {explained:.2f} of "
                 "its variance; the squares of their correlations must add up to 1 at most."
             )
-    return found
+    return by_scale
 
 
 def trait_scales(questionnaire: Questionnaire) -> dict[str, list[str]]:
-    """The items that follow each trait: an item follows the first scale that holds it.
+    """The items that show each trait, by scale: an item shows that of the first scale that has it.
 
-    So all twelve items of trust follow its total; its two sub-scales have no trait of their own.
+    So all twelve items of trust show the trait of its total; its two sub-scales have none.
     """
-    found: dict[str, list[str]] = {}
+    items_of: dict[str, list[str]] = {}
     taken: set[str] = set()
     for scale in questionnaire.scales:
         items = [item for item in scale.items if item not in taken]
         taken.update(items)
         if items:
-            found[scale.key] = items
-    return found
+            items_of[scale.key] = items
+    return items_of
 
 
 def style_score(style: TeacherStyle, parameter: StyleParameter, kind: PopulationKind) -> float:

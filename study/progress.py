@@ -1,4 +1,4 @@
-"""Where a participant stands, worked out from what is on record: so a crash loses no place."""
+"""A participant's phases and standing, derived from the records, so that a crash loses nothing."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,10 +13,8 @@ from steerlab.study.contract import (
     Standing,
     StudyError,
 )
-from steerlab.study.opened import OpenStudy
-from steerlab.study.phases import phases_for
 from steerlab.study.protocol import StudyProtocol
-from steerlab.study.store.answers import Response, Value, read_responses
+from steerlab.study.store.answers import Response, read_responses
 from steerlab.study.store.people import (
     Departure,
     Enrolment,
@@ -29,6 +27,8 @@ from steerlab.study.store.people import (
 )
 from steerlab.study.store.records import Attempt, AttemptStatus
 from steerlab.study.store.teaching import read_taught
+from steerlab.study.study_folder import OpenStudy
+from steerlab.study.surveys.answer_format import Value
 
 _STATES = {
     PhaseAct.STARTED: PhaseState.STARTED,
@@ -36,11 +36,16 @@ _STATES = {
     PhaseAct.SKIPPED: PhaseState.SKIPPED,
     PhaseAct.REOPENED: PhaseState.WAITING,
 }
+_LEFT = {
+    Departure.KEPT: Standing.WITHDRAWN_KEPT,
+    Departure.ERASING: Standing.ERASING,
+    Departure.ERASED: Standing.WITHDRAWN_ERASED,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
 class ParticipantProgress:
-    """A participant's place, and what belongs to it.
+    """How far a participant got, under which version of the protocol.
 
     Attributes:
         acts: on each phase, in order.
@@ -51,37 +56,38 @@ class ParticipantProgress:
     acts: Mapping[str, tuple[PhaseEvent, ...]]
 
     def state(self, phase: str) -> PhaseState:
-        """How far a phase of theirs got."""
-        return next(state for one, state in self.view.phases if one.id == phase)
+        """How far the phase of that id got."""
+        return next(state for known, state in self.view.phases if known.id == phase)
 
     def phase(self, phase: str) -> Phase:
         """The phase of that id.
 
         Raises:
-            StudyError: it is none of theirs.
+            StudyError: the participant has no such phase.
         """
-        found = next((one for one, _ in self.view.phases if one.id == phase), None)
-        if found is None:
-            known = ", ".join(one.id for one, _ in self.view.phases)
-            raise StudyError(f"{self.view.id} has no phase {phase!r}; they have {known}.")
-        return found
+        phases = {known.id: known for known, _ in self.view.phases}
+        if phase not in phases:
+            raise StudyError(
+                f"{self.view.id} has no phase {phase!r}; they have {', '.join(phases)}."
+            )
+        return phases[phase]
 
     def of_kind(self, kind: PhaseKind) -> Phase | None:
         """The first phase of that kind."""
-        return next((one for one, _ in self.view.phases if one.kind is kind), None)
+        return next((phase for phase, _ in self.view.phases if phase.kind is kind), None)
 
     def phase_run(self, phase: str) -> int:
         """How often a phase was reopened."""
         return sum(act.act is PhaseAct.REOPENED for act in self.acts.get(phase, ()))
 
     def first_attempt(self, phase: str) -> int:
-        """Attempts at rollouts count from this one on."""
-        reopened = [a for a in self.acts.get(phase, ()) if a.act is PhaseAct.REOPENED]
+        """The ``order_index`` from which on attempts count, since the phase was last reopened."""
+        reopened = [act for act in self.acts.get(phase, ()) if act.act is PhaseAct.REOPENED]
         return reopened[-1].first_attempt if reopened else 0
 
 
 def progress_of(study: OpenStudy, participant: str) -> ParticipantProgress:
-    """A participant's place.
+    """How far one participant got.
 
     Raises:
         StudyError: nobody is enrolled under that name.
@@ -90,66 +96,106 @@ def progress_of(study: OpenStudy, participant: str) -> ParticipantProgress:
     for enrolment in enrolled:
         if enrolment.participant == participant:
             return _progress(_Records(study, participant), enrolment)
-    known = ", ".join(one.participant for one in enrolled) or "nobody"
+    known = ", ".join(enrolment.participant for enrolment in enrolled) or "nobody"
     raise StudyError(f"{participant!r} is not enrolled; enrolled are: {known}.")
 
 
 def everybody(study: OpenStudy) -> list[ParticipantProgress]:
-    """Everyone's place, in the order in which they were enrolled."""
+    """How far each participant got, in the order in which they were enrolled."""
     records = _Records(study)
-    return [_progress(records, one) for one in read_enrolments(study.store.connection)]
+    return [_progress(records, enrolment) for enrolment in read_enrolments(study.store.connection)]
+
+
+class ProgressCache:
+    """Keeps what ``progress_of`` and ``everybody`` return until the audit has a new entry.
+
+    Every change that progress depends on has its entry in the audit, by whichever program, and an
+    entry's hash seals all before it: the newest entry identifies the state of the whole study.
+    Edits outside steerlab go unseen here; ``verify``, which looks for those, uses no cache.
+    """
+
+    def __init__(self, study: OpenStudy) -> None:
+        self._study = study
+        self._newest_entry: list[tuple[int, str | None]] = []
+        self._kept: dict[str, ParticipantProgress] = {}
+        self._all: list[ParticipantProgress] | None = None
+
+    def of(self, participant: str) -> ParticipantProgress:
+        """How far one participant got.
+
+        Raises:
+            StudyError: nobody is enrolled under that name.
+        """
+        self._drop_if_changed()
+        if participant not in self._kept:
+            self._kept[participant] = progress_of(self._study, participant)
+        return self._kept[participant]
+
+    def all(self) -> list[ParticipantProgress]:
+        """How far each participant got, in the order in which they were enrolled."""
+        self._drop_if_changed()
+        if self._all is None:
+            self._all = everybody(self._study)
+            self._kept = {progress.view.id: progress for progress in self._all}
+        return self._all
+
+    def _drop_if_changed(self) -> None:
+        query = "SELECT id, sha256 FROM audit ORDER BY id DESC LIMIT 1"
+        newest = self._study.store.connection.read(query)
+        if newest != self._newest_entry:
+            self._newest_entry, self._kept, self._all = newest, {}, None
 
 
 def finished_rollouts(
-    study: OpenStudy, place: ParticipantProgress, attempts: Sequence[Attempt] | None = None
+    study: OpenStudy, progress: ParticipantProgress, attempts: Sequence[Attempt] | None = None
 ) -> dict[str, Attempt]:
     """The attempt that counts at each calibration rollout that the participant finished.
 
     Args:
-        attempts: everybody's finished ones, where many participants are asked about.
+        attempts: everybody's finished attempts; None reads them, which is slow for many people.
     """
-    phase = place.of_kind(PhaseKind.CALIBRATION)
+    phase = progress.of_kind(PhaseKind.CALIBRATION)
     if phase is None:
         return {}
-    first = place.first_attempt(phase.id)
+    first = progress.first_attempt(phase.id)
     if attempts is None:
         attempts = study.store.attempts(AttemptStatus.FINISHED)
     return {
         attempt.rollout: attempt  # the last one stays
         for attempt in attempts
-        if attempt.participant == place.view.id
+        if attempt.participant == progress.view.id
         and attempt.order_index >= first
-        and attempt.rollout in place.protocol.rollouts
+        and attempt.rollout in progress.protocol.rollouts
     }
 
 
 def answers_of(
-    study: OpenStudy, place: ParticipantProgress, phase: str
+    study: OpenStudy, progress: ParticipantProgress, phase: str
 ) -> dict[str, dict[str, Value]]:
-    """What counts of the answers in a phase, by questionnaire and item."""
-    found: dict[str, dict[str, Response]] = {}
-    for one in read_responses(study.store.connection, place.view.id, phase):
-        if one.phase_run == place.phase_run(phase):
-            found.setdefault(one.questionnaire, {})[one.item] = one
+    """The answers in a phase that count, by questionnaire and item."""
+    newest: dict[str, dict[str, Response]] = {}
+    for response in read_responses(study.store.connection, progress.view.id, phase):
+        if response.phase_run == progress.phase_run(phase):
+            newest.setdefault(response.questionnaire, {})[response.item] = response
     return {
-        key: {item: one.value for item, one in items.items() if one.value is not None}
-        for key, items in found.items()
+        key: {item: given.value for item, given in items.items() if given.value is not None}
+        for key, items in newest.items()
     }
 
 
 @dataclass(frozen=True)
 class _Records:
-    """What is on record of one participant or of all, each table read once and when needed."""
+    """The records of one participant or of all, each table read once and only when needed."""
 
     study: OpenStudy
     participant: str | None = None
 
     @cached_property
     def acts(self) -> Mapping[str, Sequence[PhaseEvent]]:
-        found: dict[str, list[PhaseEvent]] = {}
+        acts: dict[str, list[PhaseEvent]] = {}
         for act in read_phase_events(self.study.store.connection, self.participant):
-            found.setdefault(act.participant, []).append(act)
-        return found
+            acts.setdefault(act.participant, []).append(act)
+        return acts
 
     @cached_property
     def departures(self) -> Mapping[str, Departure]:
@@ -172,9 +218,9 @@ def _progress(records: _Records, enrolment: Enrolment) -> ParticipantProgress:
         acts.setdefault(act.phase, []).append(act)
     phases = tuple(
         (phase, _STATES[acts[phase.id][-1].act] if phase.id in acts else PhaseState.WAITING)
-        for phase in phases_for(protocol, role, enrolment.condition_order)
+        for phase in protocol.phases_for(role, enrolment.condition_order)
     )
-    place = ParticipantProgress(
+    progress = ParticipantProgress(
         view=ParticipantView(
             id=participant,
             role=role,
@@ -184,16 +230,9 @@ def _progress(records: _Records, enrolment: Enrolment) -> ParticipantProgress:
             protocol_version=enrolment.protocol_version,
         ),
         protocol=protocol,
-        acts={phase: tuple(them) for phase, them in acts.items()},
+        acts={phase: tuple(of_phase) for phase, of_phase in acts.items()},
     )
-    return replace(place, view=replace(place.view, progress=_words(records, place)))
-
-
-_LEFT = {
-    Departure.KEPT: Standing.WITHDRAWN_KEPT,
-    Departure.ERASING: Standing.ERASING,
-    Departure.ERASED: Standing.WITHDRAWN_ERASED,
-}
+    return replace(progress, view=replace(progress.view, progress=_in_words(records, progress)))
 
 
 def _standing(records: _Records, participant: str, states: list[PhaseState]) -> Standing:
@@ -202,26 +241,26 @@ def _standing(records: _Records, participant: str, states: list[PhaseState]) -> 
         return _LEFT[left]
     if records.consents.get(participant) is False:
         return Standing.DECLINED
-    if all(state in (PhaseState.DONE, PhaseState.SKIPPED) for state in states):
+    if all(state.over for state in states):
         return Standing.FINISHED
     if all(state is PhaseState.WAITING for state in states):
         return Standing.ENROLLED
     return Standing.RUNNING
 
 
-def _words(records: _Records, place: ParticipantProgress) -> str:
+def _in_words(records: _Records, progress: ParticipantProgress) -> str:
     """How far the phase got that is under way."""
-    study, phase = records.study, place.view.next_phase
-    if phase is None or place.state(phase.id) is not PhaseState.STARTED:
+    study, phase = records.study, progress.view.next_phase
+    if phase is None or progress.state(phase.id) is not PhaseState.STARTED:
         return ""
     if phase.kind is PhaseKind.CALIBRATION:
-        finished = finished_rollouts(study, place, records.finished)
-        return f"{len(finished)} of {len(place.protocol.rollouts)} rollouts"
+        finished = finished_rollouts(study, progress, records.finished)
+        return f"{len(finished)} of {len(progress.protocol.rollouts)} rollouts"
     if phase.kind is PhaseKind.QUESTIONNAIRES:
         asked = sum(len(study.questionnaires[key].items) for key in phase.questionnaires)
-        given = sum(map(len, answers_of(study, place, phase.id).values()))
+        given = sum(map(len, answers_of(study, progress, phase.id).values()))
         return f"{given} of {asked} answers"
     if phase.kind is PhaseKind.TEACH:
-        taught = read_taught(study.store.connection, place.view.id, phase.id)
-        return f"{len(taught)} of {place.protocol.demonstrations + 1} drives"
+        taught = read_taught(study.store.connection, progress.view.id, phase.id)
+        return f"{len(taught)} of {progress.protocol.demonstrations + 1} drives"
     return ""

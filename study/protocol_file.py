@@ -1,5 +1,6 @@
-"""``study.toml``: read into a ``StudyProtocol``; what is wrong is named with its line."""
+"""Reading ``study.toml`` into a ``StudyProtocol``; errors name the line that is wrong."""
 
+import re
 from collections.abc import Mapping
 from functools import cache
 from hashlib import sha256
@@ -18,24 +19,28 @@ from steerlab.sim.files.structured import (
     within_file,
 )
 from steerlab.study.contract import PhaseKind, Role, StudyError
-from steerlab.study.protocol import MOST_CONDITIONS, StudyProtocol, check_prefix
+from steerlab.study.protocol import MOST_CONDITIONS, StudyProtocol, teach_ids
 from steerlab.study.surveys.questionnaire import Questionnaire
 from steerlab.study.surveys.questionnaire_file import all_questionnaires
 
 PROTOCOL_FILE, QUESTIONNAIRES = "study.toml", "questionnaires"
 FORMAT = 1
+_PREFIX = re.compile(r"[A-Z]{1,4}")
+_NEEDS = {PhaseKind.CALIBRATE_W: PhaseKind.CALIBRATION, PhaseKind.TEACH: PhaseKind.CALIBRATE_W}
+"""The kind of phase that must come before a phase of this kind."""
+_ONCE = (PhaseKind.CONSENT, PhaseKind.CALIBRATION, PhaseKind.CALIBRATE_W)
 
 
 def protocol_sha256(text: str) -> str:
-    """What freezes a protocol: the hash of its file, to the last byte."""
+    """The hash that identifies a frozen protocol: of its file's whole text."""
     return sha256(text.encode()).hexdigest()
 
 
 def read_protocol_text(folder: Path) -> str:
-    """The protocol's file, as it is now.
+    """The text of the protocol's file, as it is now.
 
     Raises:
-        SteerlabError: it is missing or no UTF-8.
+        SteerlabError: it is missing or not UTF-8.
     """
     path = folder / PROTOCOL_FILE
     if not path.exists():
@@ -45,8 +50,8 @@ def read_protocol_text(folder: Path) -> str:
 
 def study_questionnaires(folder: Path) -> Mapping[str, Questionnaire]:
     """All questionnaires that a study in ``folder`` may ask, by key."""
-    own = folder / QUESTIONNAIRES
-    return all_questionnaires(own if own.is_dir() else None)
+    added = folder / QUESTIONNAIRES
+    return all_questionnaires(added if added.is_dir() else None)
 
 
 def parse_protocol(
@@ -66,7 +71,7 @@ def parse_protocol(
 
 
 def _complete(values: dict[str, Any]) -> dict[str, Any]:
-    """What is left out of the file, or said more shortly there."""
+    """The file's values with defaults put in, and a number of rollouts turned into names."""
     conditions = values.get("conditions", [])
     orders = factorial(len(conditions)) if isinstance(conditions, list) else 1
     given = {"conditions": conditions, "block_size": orders} | values
@@ -84,14 +89,15 @@ def _calibration_names() -> tuple[str, ...]:
 
 
 def _check(protocol: StudyProtocol, questionnaires: Mapping[str, Questionnaire]) -> None:
-    """What no record can see alone."""
+    """Check what concerns several records at once."""
     check_words("title", protocol.title)
     for key, least in (("seed", 0), ("demonstrations", 1)):
         if getattr(protocol, key) < least:
             allowed = f"a whole number, at least {least}"
             raise InvalidValue(key, getattr(protocol, key), allowed)
-    check_prefix("training_prefix", protocol.training_prefix)
-    check_prefix("test_prefix", protocol.test_prefix)
+    for key in ("training_prefix", "test_prefix"):
+        if not _PREFIX.fullmatch(prefix := getattr(protocol, key)):
+            raise InvalidValue(key, prefix, "one to four capital letters")
     if protocol.training_prefix == protocol.test_prefix:
         allowed = f"another than training_prefix ({protocol.training_prefix!r}): ids would overlap"
         raise InvalidValue("test_prefix", protocol.test_prefix, allowed)
@@ -100,32 +106,32 @@ def _check(protocol: StudyProtocol, questionnaires: Mapping[str, Questionnaire])
     _check_phases(protocol)
     for number, phase in enumerate(protocol.phases):
         for name in ("questionnaires", "after"):
-            for place, key in enumerate(getattr(phase, name)):
+            for index, key in enumerate(getattr(phase, name)):
                 if key not in questionnaires:
                     allowed = f"one of {one_of(sorted(questionnaires), key)}, or have a file "
                     allowed += f"{QUESTIONNAIRES}/{key}.toml beside {PROTOCOL_FILE}"
-                    raise InvalidValue(f"phases[{number}].{name}[{place}]", key, allowed)
+                    raise InvalidValue(f"phases[{number}].{name}[{index}]", key, allowed)
 
 
 def _check_rollouts(protocol: StudyProtocol) -> None:
     known, names = _calibration_names(), protocol.rollouts
     if not names:
         raise InvalidValue("rollouts", [], "one or more names")
-    for place, name in enumerate(names):
-        if name not in known or name in names[:place]:
-            raise InvalidValue(f"rollouts[{place}]", name, f"one of {', '.join(known)}, each once")
+    for index, name in enumerate(names):
+        if name not in known or name in names[:index]:
+            raise InvalidValue(f"rollouts[{index}]", name, f"one of {', '.join(known)}, each once")
 
 
 def _check_conditions(protocol: StudyProtocol) -> None:
     keys = [condition.key for condition in protocol.conditions]
-    for place, key in enumerate(keys):
-        if key in keys[:place]:
-            raise InvalidValue(f"conditions[{place}].key", key, "another one: it is taken")
+    for index, key in enumerate(keys):
+        if key in keys[:index]:
+            raise InvalidValue(f"conditions[{index}].key", key, "another one: it is taken")
     if len(keys) > MOST_CONDITIONS:
         raise InvalidValue("conditions", keys, f"at most {MOST_CONDITIONS}")
     orders = factorial(len(keys))
     if protocol.block_size < 1 or protocol.block_size % orders:
-        allowed = f"a multiple of {orders}: so many orders have {len(keys)} conditions"
+        allowed = f"a multiple of {orders}: {len(keys)} conditions have so many orders"
         raise InvalidValue("block_size", protocol.block_size, allowed)
 
 
@@ -144,20 +150,11 @@ def _check_phases(protocol: StudyProtocol) -> None:
             raise InvalidValue(f"phases[{number}].id", phase.id, allowed)
         taken |= ids
     for role in Role:
-        _check_way(protocol, role)
+        _check_sequence(protocol, role)
 
 
-def teach_ids(phase: str, index: int) -> tuple[str, str]:
-    """Ids of the ``index``-th condition's teaching and of the questionnaires after it."""
-    return f"{phase}-{index + 1}", f"after-{phase}-{index + 1}"
-
-
-_BEFORE = {PhaseKind.CALIBRATE_W: PhaseKind.CALIBRATION, PhaseKind.TEACH: PhaseKind.CALIBRATE_W}
-_ONCE = (PhaseKind.CONSENT, PhaseKind.CALIBRATION, PhaseKind.CALIBRATE_W)
-
-
-def _check_way(protocol: StudyProtocol, role: Role) -> None:
-    """Consent first, what needs something after it, and nothing that can only be once twice."""
+def _check_sequence(protocol: StudyProtocol, role: Role) -> None:
+    """Consent comes first, each phase after what it needs, and some kinds only once."""
     seen: list[PhaseKind] = []
     for number, phase in enumerate(protocol.phases):
         if role not in phase.roles:
@@ -168,8 +165,8 @@ def _check_way(protocol: StudyProtocol, role: Role) -> None:
             raise InvalidValue(where, phase.kind.value, allowed)
         if phase.kind in _ONCE and phase.kind in seen:
             raise InvalidValue(where, phase.kind.value, f"once among the phases of {role}")
-        if phase.kind in _BEFORE and _BEFORE[phase.kind] not in seen:
-            allowed = f"after a phase of kind {_BEFORE[phase.kind]}"
+        if phase.kind in _NEEDS and _NEEDS[phase.kind] not in seen:
+            allowed = f"after a phase of kind {_NEEDS[phase.kind]}"
             raise InvalidValue(where, phase.kind.value, allowed)
         seen.append(phase.kind)
     if PhaseKind.CALIBRATION not in seen:

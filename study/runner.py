@@ -7,16 +7,16 @@ from typing import Protocol
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.files.folder_lock import RUN_LOCK, FolderLock, locked
 from steerlab.study.calibration_session import CalibrationSession, SittingConfig, practise
-from steerlab.study.contract import Phase, PhaseKind, PhaseState, StudyError
-from steerlab.study.opened import OpenStudy
-from steerlab.study.phases import PAGES
+from steerlab.study.contract import PAGES, Phase, PhaseKind, PhaseState, StudyError
 from steerlab.study.progress import ParticipantProgress, finished_rollouts, progress_of
 from steerlab.study.scripted_practice import practise_scripted
 from steerlab.study.store.people import PhaseAct, insert_phase_event
-from steerlab.study.teaching.request import UNAVAILABLE, Teachings, TeachRequest
+from steerlab.study.study_folder import OpenStudy
+from steerlab.study.teaching.contract import UNAVAILABLE, Teachings, TeachRequest
+from steerlab.teleop.attempt import SessionConfig
 from steerlab.teleop.devices.contract import Device, InputKind
 from steerlab.teleop.practice import PracticeConfig
-from steerlab.teleop.session import SessionConfig, SessionEnd
+from steerlab.teleop.session import SessionEnd
 
 ProgressBar = Callable[[str, float], None]
 
@@ -24,7 +24,7 @@ ProgressBar = Callable[[str, float], None]
 class PageFiller(Protocol):
     """Does a participant's pages: a scripted participant has one, people have the browser."""
 
-    def fill(self, study: OpenStudy, place: ParticipantProgress, phase: Phase) -> None:
+    def fill(self, study: OpenStudy, progress: ParticipantProgress, phase: Phase) -> None:
         """Finish the page."""
         ...
 

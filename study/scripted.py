@@ -1,4 +1,4 @@
-"""A scripted participant: the same phases, the same loop and the same record, without anybody."""
+"""A scripted participant: goes through the same phases, loop and records as a person."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,18 +8,18 @@ from steerlab.sim.populations import PopulationKind, sample_population
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.study.contract import Phase, PhaseKind, StudyError
-from steerlab.study.opened import OpenStudy
 from steerlab.study.pages import consent, save_answer, submit
 from steerlab.study.planted_effects import PlantedEffect, check_effects
 from steerlab.study.progress import ParticipantProgress
 from steerlab.study.scripted_answers import AnswerModel, ScriptedRespondent
 from steerlab.study.store.teaching import read_taught
+from steerlab.study.study_folder import OpenStudy
 from steerlab.teleop.devices.scripted import ScriptedDevice
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScriptedParticipant:
-    """Who a scripted participant is; fills pages, and holds the device that corrects.
+    """A simulated person: answers the pages, and has a device that steers.
 
     Attributes:
         kind: the population that the style is drawn from.
@@ -33,50 +33,51 @@ class ScriptedParticipant:
 
     @classmethod
     def parse(cls, spec: str, plants: Sequence[str] = ()) -> "ScriptedParticipant":
-        """From ``scripted:KIND:SEED`` and ``QUESTIONNAIRE.SCALE:STYLE:R`` each.
+        """From ``scripted:KIND:SEED``, and one ``QUESTIONNAIRE.SCALE:STYLE:R`` for each effect.
 
         Raises:
-            StudyError: a text is none of these.
-            InvalidConfig: an effect is of an unknown style, or no correlation.
+            StudyError: a text has another form.
+            InvalidConfig: an effect is of an unknown style, or its R is no correlation.
         """
-        parts = spec.split(":")
         kinds = get_args(PopulationKind)
-        if len(parts) != 3 or parts[0] != "scripted" or parts[1] not in kinds:
+        fields = spec.split(":")
+        if len(fields) != 3 or fields[0] != "scripted" or fields[1] not in kinds:
             raise StudyError(
                 f"No scripted teacher {spec!r}; give scripted:KIND:SEED with a KIND of "
                 f"{', '.join(kinds)}, such as scripted:human:3."
             )
-        if not (parts[2].isascii() and parts[2].isdecimal()):
-            raise StudyError(f"The seed of {spec!r} is {parts[2]!r}; give a number from 0.")
+        kind, seed = fields[1:]
+        if not (seed.isascii() and seed.isdecimal()):
+            raise StudyError(f"The seed of {spec!r} is {seed!r}; give a number from 0.")
         return cls(
-            kind=kinds[kinds.index(parts[1])],
-            seed=int(parts[2]),
+            kind=kinds[kinds.index(kind)],
+            seed=int(seed),
             effects=tuple(_effect(plant) for plant in plants),
         )
 
     @property
     def teacher(self) -> ScriptedTeacher:
-        """Who corrects; the style is that of ``scripted:KIND:SEED`` elsewhere."""
+        """The teacher that steers, with the style that ``scripted:KIND:SEED`` has elsewhere too."""
         (drawn,) = sample_population(self.kind, 1, self.seed, prefix="scripted")
         return ScriptedTeacher(f"scripted-{self.kind}-{self.seed}", drawn.style, self.seed)
 
     @property
     def device(self) -> ScriptedDevice:
-        """Steers as the teacher labels."""
+        """A device that gives the teacher's labels."""
         return ScriptedDevice(self.teacher)
 
-    def fill(self, study: OpenStudy, place: ParticipantProgress, phase: Phase) -> None:
-        """Do a page, answer by answer, as the console does.
+    def fill(self, study: OpenStudy, progress: ParticipantProgress, phase: Phase) -> None:
+        """Finish a page, answer by answer, as the console does.
 
         Raises:
             InvalidConfig: an effect is planted on what the study does not ask.
             StudyError: an answer is still missing: the questionnaire asks what no script answers.
         """
-        participant = place.view.id
+        participant = progress.view.id
         if phase.kind is PhaseKind.CONSENT:
             consent(study, participant, given=True)
             return
-        asked = {key: study.questionnaires[key] for key in place.protocol.questionnaires}
+        asked = {key: study.questionnaires[key] for key in progress.protocol.questionnaires}
         check_effects(self.effects, asked)
         respondent = ScriptedRespondent(
             participant,
@@ -84,26 +85,26 @@ class ScriptedParticipant:
             self.seed,
             AnswerModel(population=self.kind, effects=self.effects),
         )
-        success = _success(study, place, phase)
+        success = _success(study, progress, phase)
         for key in phase.questionnaires:
-            given = respondent.answers(asked[key], occasion=phase.id, success=success)
+            given = respondent.answers(asked[key], phase=phase.id, success=success)
             for item, value in given.items():
                 save_answer(study, participant, phase.id, key, item, value)
         if missing := submit(study, participant, phase.id):
             raise StudyError(f"No script answers {dict(missing)} of {phase.id!r}.")
 
 
-def _success(study: OpenStudy, place: ParticipantProgress, phase: Phase) -> float | None:
-    """Share of the drives they watched that reached the ball; None if ``phase`` is about none."""
+def _success(study: OpenStudy, progress: ParticipantProgress, phase: Phase) -> float | None:
+    """Share of the phase's condition's drives that reached the ball; None if there are none."""
     outcomes = [
         taught.outcome
-        for one, _ in place.view.phases
-        if one.kind is PhaseKind.TEACH and one.condition == phase.condition
-        for taught in read_taught(study.store.connection, place.view.id, one.id)
+        for other, _ in progress.view.phases
+        if other.kind is PhaseKind.TEACH and other.condition == phase.condition
+        for taught in read_taught(study.store.connection, progress.view.id, other.id)
     ]
     if not outcomes:
         return None
-    return sum(one is Outcome.BALL_REACHED for one in outcomes) / len(outcomes)
+    return outcomes.count(Outcome.BALL_REACHED) / len(outcomes)
 
 
 def _effect(plant: str) -> PlantedEffect:

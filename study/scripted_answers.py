@@ -1,9 +1,10 @@
 """What scripted participants answer: a seeded model with as much measurement error as people's.
 
-A trait of a person is a standard normal number. Each item of its scale shows the trait with noise
-of its own, cut into the item's points by equally spaced thresholds (a graded response model); the
-loading follows from the reliability asked for. These are simulated answers: they say nothing
-about people, and a report says that they were simulated.
+A trait of a person is a standard normal number. Each item of its scale shows the trait with
+independent noise, cut into the item's points by equally spaced thresholds (a graded response
+model); the loading follows from the reliability asked for. Facts, such as an age, have no trait
+behind them. These are simulated answers: they say nothing about people, and a report says that
+they were simulated.
 """
 
 from bisect import bisect_left
@@ -26,11 +27,31 @@ from steerlab.study.planted_effects import (
     style_score,
     trait_scales,
 )
-from steerlab.study.scripted_facts import scripted_fact
-from steerlab.study.surveys.answer_format import Likert, Slider, Value
-from steerlab.study.surveys.questionnaire import Questionnaire
+from steerlab.study.surveys.answer_format import (
+    Choice,
+    FreeText,
+    Likert,
+    Number,
+    Slider,
+    Value,
+)
+from steerlab.study.surveys.questionnaire import Item, Questionnaire
 
 SUCCESS_SHIFT = (("raw_tlx.workload", -0.8), ("trust.total", 0.8), ("fluency.fluency", 1.0))
+
+# 34 people: age 28 ± 11.9, 29.4 % women (the paper's Results). Other shares are rough guesses.
+_AGE_MEAN_YEARS, _AGE_STD_YEARS, _YOUNGEST_YEARS = 28.0, 11.9, 18.0
+_SHARES: dict[tuple[str, str], dict[str, float]] = {
+    ("demographics", "gender"): {
+        "woman": 0.29,
+        "man": 0.67,
+        "non_binary": 0.02,
+        "prefer_not_to_say": 0.02,
+    },
+    ("demographics", "handedness"): {"right": 0.89, "left": 0.10, "both": 0.01},
+    ("demographics", "driving_licence"): {"yes": 0.85, "no": 0.15},
+    ("demographics", "vision"): {"none_needed": 0.52, "corrected": 0.45, "not_corrected": 0.03},
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,14 +59,14 @@ class AnswerModel:
     """How scripted participants answer; every number is an assumption.
 
     Attributes:
-        population: whose spread of styles planted effects are measured by.
-        effects: what is planted.
-        reliability: Cronbach's alpha that scales with a trait of their own are to have.
+        population: its spread of styles is the unit of planted effects.
+        effects: the planted correlations.
+        reliability: Cronbach's alpha of scales with a trait behind them.
         span: the outermost thresholds, in standard deviations.
         stability: share of a trait's variance that is the person's, not the occasion's, in answers
             about a condition.
-        success_shift: (scale, by how many standard deviations complete success moves the trait
-            from where no success puts it).
+        success_shift: (scale, standard deviations), by which complete success moves the trait
+            from where no success puts it.
     """
 
     population: PopulationKind = "human"
@@ -74,7 +95,7 @@ class AnswerModel:
 class ScriptedRespondent:
     """A scripted participant's answers.
 
-    They depend on (seed, name, questionnaire, occasion) alone, never on the order of calls, so a
+    They depend on (seed, name, questionnaire, phase) alone, never on the order of calls, so a
     study that is interrupted and resumed has the answers it would have had.
     """
 
@@ -84,18 +105,18 @@ class ScriptedRespondent:
     model: AnswerModel = AnswerModel()
 
     def answers(
-        self, questionnaire: Questionnaire, *, occasion: str = "", success: float | None = None
+        self, questionnaire: Questionnaire, *, phase: str = "", success: float | None = None
     ) -> dict[str, Value]:
         """All answers to a questionnaire, in the order of its page.
 
         Args:
-            occasion: the phase, such as ``post-2``.
+            phase: such as ``post-2``.
             success: of the condition that the questionnaire is about, from 0 to 1.
         """
         traits = draw_traits(
             questionnaire, self.style, self._rng("traits", questionnaire.key), model=self.model
         )
-        rng = self._rng("answers", questionnaire.key, occasion)
+        rng = self._rng("answers", questionnaire.key, phase)
         return answers(
             questionnaire, self.style, rng, model=self.model, traits=traits, success=success
         )
@@ -116,11 +137,11 @@ def draw_traits(
     """A person's traits, by scale: standard normal, tied to the style where that is planted.
 
     Raises:
-        InvalidConfig: an effect cannot be planted, or needs a style that there is not.
+        InvalidConfig: an effect cannot be planted, or needs a style and there is none.
     """
     traits: dict[str, float] = {}
     for scale, effects in effects_on(questionnaire, model.effects).items():
-        own = rng.standard_normal()
+        unplanted = rng.standard_normal()
         planted, explained = 0.0, 0.0
         for effect in effects:
             if style is None:
@@ -130,7 +151,7 @@ def draw_traits(
             r = effect.correlation
             planted += r * style_score(style, effect.style, model.population)
             explained += r * r
-        traits[scale] = planted + sqrt(max(1.0 - explained, 0.0)) * own
+        traits[scale] = planted + sqrt(max(1.0 - explained, 0.0)) * unplanted
     return traits
 
 
@@ -146,7 +167,7 @@ def answers(
     """Answers to a questionnaire, in the order of its page; each is one that it allows.
 
     Args:
-        traits: the person's; drawn if not given.
+        traits: the person's, by scale; drawn if not given.
         success: of the condition that the questionnaire is about, from 0 to 1; None if it is
             about none.
 
@@ -163,7 +184,7 @@ def answers(
         for scale, items in trait_scales(questionnaire).items()
         for item in items
     }
-    found: dict[str, Value] = {}
+    given: dict[str, Value] = {}
     for item in questionnaire.items:
         if isinstance(item.format, (Likert, Slider)):
             scale, size = scale_of.get(item.id, (None, 1))
@@ -171,10 +192,36 @@ def answers(
             trait = rng.standard_normal() if scale is None else traits[scale]
             value = _on_scale(item.format, trait, size, model, rng, backwards=backwards)
         else:
-            value = scripted_fact(questionnaire.key, item, rng)
+            value = _fact(questionnaire.key, item, rng)
         if value is not None:
-            found[item.id] = questionnaire.check(item.id, value)
-    return found
+            given[item.id] = questionnaire.check(item.id, value)
+    return given
+
+
+def _fact(questionnaire: str, item: Item, rng: np.random.Generator) -> Value | None:
+    """An answer to a choice, a number or a text; None leaves an optional text out.
+
+    Answers to the shipped demographics are plausible; any other item is answered evenly.
+    """
+    form = item.format
+    if isinstance(form, Choice):
+        names = [option.value for option in form.options]
+        shares = _SHARES.get((questionnaire, item.id))
+        weights = None if shares is None else [shares.get(name, 0.0) for name in names]
+        return str(rng.choice(names, p=weights))
+    if isinstance(form, Number):
+        if (questionnaire, item.id) == ("demographics", "age"):
+            above = _AGE_MEAN_YEARS - _YOUNGEST_YEARS
+            age = _YOUNGEST_YEARS + rng.gamma(
+                (above / _AGE_STD_YEARS) ** 2, _AGE_STD_YEARS**2 / above
+            )
+            return int(min(age, form.maximum))
+        if form.whole:
+            return int(rng.integers(int(np.ceil(form.minimum)), int(form.maximum), endpoint=True))
+        return float(rng.uniform(form.minimum, form.maximum))
+    if not isinstance(form, FreeText):
+        raise TypeError(f"{item.id!r} is on a scale: {form}.")
+    return "(scripted)"[: form.longest] if item.required else None
 
 
 def _on_occasion(
@@ -184,6 +231,7 @@ def _on_occasion(
     rng: np.random.Generator,
     model: AnswerModel,
 ) -> dict[str, float]:
+    """The traits as answers about a condition show them: varied anew, and moved by success."""
     if not 0.0 <= success <= 1.0:
         raise InvalidConfig(f"The success of a condition is {success}; it must be from 0 to 1.")
     shift = dict(model.success_shift)

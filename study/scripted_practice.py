@@ -9,7 +9,7 @@ from steerlab.teleop.devices.contract import DeviceInfo, DeviceSample, InputKind
 from steerlab.teleop.drives.live import LiveDrive
 from steerlab.teleop.drives.who_drives import PersonDrives
 from steerlab.teleop.loop import NullClock, run_drive
-from steerlab.teleop.practice import Nowhere, PracticeConfig, PracticeResult, practice_world
+from steerlab.teleop.practice import PracticeConfig, PracticeResult, Unrecorded, practice_world
 
 STEER_PER_RAD = 4.0  # wheel for each radian between the car's heading and the ball
 THROTTLE = 0.6
@@ -37,7 +37,7 @@ def practise_scripted(config: PracticeConfig) -> PracticeResult:
                 participant="practice",
                 order=0,
                 clock=NullClock(),
-                sink=Nowhere(),
+                sink=Unrecorded(),
             )
             balls += drive.outcome is Outcome.BALL_REACHED
             crashes += drive.outcome is Outcome.BLOCK_HIT

@@ -1,29 +1,38 @@
-"""``Study``: the one door to a study, for the command line and the console."""
+"""``Study``: all that the command line and the console do with a study."""
 
+import secrets
 from collections.abc import Callable, Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from steerlab.sim.files.folder_lock import RUN_LOCK, locked
 from steerlab.study.completeness import session_findings
-from steerlab.study.contract import ParticipantView, Role, StudyCheck, StudyError
+from steerlab.study.contract import (
+    ParticipantView,
+    PhaseKind,
+    PhaseState,
+    Role,
+    Standing,
+    StudyCheck,
+    StudyError,
+)
 from steerlab.study.enrolment import amend, enrol
-from steerlab.study.links import new_link, participant_of
-from steerlab.study.notes import keep_note
-from steerlab.study.opened import OpenStudy
 from steerlab.study.pages import consent, consent_text, save_answer, submit
-from steerlab.study.progress import answers_of
-from steerlab.study.progress_cache import ProgressCache
-from steerlab.study.redo import redo
-from steerlab.study.store.answers import Value, read_notes
+from steerlab.study.progress import ProgressCache, answers_of, progress_of
+from steerlab.study.store.answers import insert_note, read_notes
+from steerlab.study.store.frozen import people_in_use
+from steerlab.study.store.people import PhaseAct, insert_link, insert_phase_event, read_link_owner
+from steerlab.study.study_folder import FrozenPlan, OpenStudy
+from steerlab.study.surveys.answer_format import Value
 from steerlab.study.surveys.questionnaire import Questionnaire
 
 if TYPE_CHECKING:
-    from steerlab.study.analysis_plan import FrozenPlan
     from steerlab.study.runner import RunConfig, RunReport
     from steerlab.study.store.frozen import FrozenModel
     from steerlab.study.verify import Verified
+
+LONGEST_NOTE = 10_000  # characters
 
 
 class Study:
@@ -34,7 +43,7 @@ class Study:
 
     def __init__(self, opened: OpenStudy) -> None:
         self._opened = opened
-        self._places = ProgressCache(opened)
+        self._progress = ProgressCache(opened)
 
     @classmethod
     def open(cls, folder: Path, *, read_only: bool = False) -> Self:
@@ -48,12 +57,7 @@ class Study:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -62,7 +66,7 @@ class Study:
 
     @property
     def folder(self) -> Path:
-        """Where it lies."""
+        """The study's folder."""
         return self._opened.folder
 
     @property
@@ -72,7 +76,7 @@ class Study:
 
     def participants(self) -> Sequence[ParticipantView]:
         """All, withdrawn ones too, in the order in which they were enrolled."""
-        return [place.view for place in self._places.all()]
+        return [progress.view for progress in self._progress.all()]
 
     def participant(self, participant: str) -> ParticipantView:
         """One of them.
@@ -80,7 +84,7 @@ class Study:
         Raises:
             StudyError: there is none of that id.
         """
-        return self._places.of(participant).view
+        return self._progress.of(participant).view
 
     def enrol(self, role: Role) -> ParticipantView:
         """Enrol the next participant; the first one freezes the protocol.
@@ -99,16 +103,29 @@ class Study:
         return amend(self._opened, why)
 
     def new_link(self, participant: str) -> str:
-        """A fresh unguessable token; older ones of the participant end. Only its hash is kept.
+        """A fresh unguessable token for the participant's pages; only its hash is kept.
+
+        Older tokens of the participant end.
 
         Raises:
             StudyError: there is no such participant, or they have withdrawn.
         """
-        return new_link(self._opened, participant)
+        connection = self._opened.store.connection
+        standing = progress_of(self._opened, participant).view.standing
+        if standing.withdrawn:
+            raise StudyError(f"{participant} has left ({standing}).")
+        token = secrets.token_urlsafe(32)
+        with connection.transaction(f"make a link for {participant!r}", durable=True):
+            insert_link(connection, participant, _token_sha256(token))
+        return token
 
     def participant_of(self, token: str) -> str | None:
-        """Whose token it is, also after they have left; None if nobody's, or if it has ended."""
-        return participant_of(self._opened, token)
+        """The participant whose newest token this is; None if it is nobody's.
+
+        Who has withdrawn may still open their page: it thanks them and says what became of their
+        data. So the hash of their newest token stays, also when everything else is erased.
+        """
+        return read_link_owner(self._opened.store.connection, _token_sha256(token))
 
     def questionnaire(self, key: str) -> Questionnaire:
         """One of the study's questionnaires.
@@ -123,9 +140,9 @@ class Study:
 
     def answers(self, participant: str, phase: str, questionnaire: str) -> Mapping[str, Value]:
         """What was answered so far, by item."""
-        place = self._places.of(participant)
-        place.phase(phase)
-        return answers_of(self._opened, place, phase).get(questionnaire, {})
+        progress = self._progress.of(participant)
+        progress.phase(phase)
+        return answers_of(self._opened, progress, phase).get(questionnaire, {})
 
     def save_answer(
         self, participant: str, phase: str, questionnaire: str, item: str, value: Value | None
@@ -148,7 +165,7 @@ class Study:
 
     def consent_text(self, participant: str) -> tuple[int, Sequence[str]]:
         """Version and paragraphs: the newest, or those that the participant has decided on."""
-        self._places.of(participant)
+        self._progress.of(participant)
         text = consent_text(self._opened, participant)
         return text.version, text.text
 
@@ -156,27 +173,34 @@ class Study:
         """Record the decision on the text of version ``shown``; None is the newest.
 
         Raises:
-            StudyError: another version is valid by now, or the other decision was made before.
+            StudyError: another version is valid by now, or the opposite decision was made before.
         """
         consent(self._opened, participant, given=given, shown=shown)
 
-    def analysis_plans(self) -> "Sequence[FrozenPlan]":
+    def analysis_plans(self) -> Sequence[FrozenPlan]:
         """The plan frozen before the first participant, then each that replaced it.
 
         Raises:
             StudyError: nothing is frozen yet.
         """
-        from steerlab.study.analysis_plan import frozen_plans
-
-        return frozen_plans(self._opened)
+        return self._opened.analysis_plans()
 
     def note(self, participant: str | None, text: str) -> None:
-        """Keep a remark of the experimenter's; None is about the study.
+        """Keep a remark of the experimenter about a participant; None is about the study.
 
         Raises:
             StudyError: it is blank or too long, or there is no such participant any more.
         """
-        keep_note(self._opened, participant, text)
+        text = text.strip()
+        if not 1 <= len(text) <= LONGEST_NOTE:
+            raise StudyError(
+                f"The note has {len(text)} characters; write between 1 and {LONGEST_NOTE}."
+            )
+        if participant and progress_of(self._opened, participant).view.standing.erased:
+            raise StudyError(f"{participant} was erased; nothing about them is kept.")
+        connection = self._opened.store.connection
+        with connection.transaction("keep a note", durable=True):
+            insert_note(connection, participant, text)
 
     def notes(self, participant: str | None) -> Sequence[tuple[str, str]]:
         """Time in UTC and text of each remark."""
@@ -185,10 +209,35 @@ class Study:
     def redo(self, participant: str, phase: str) -> None:
         """Open a finished phase again; what was recorded stays and no longer counts.
 
+        Calibrating again opens the computation of w again as well.
+
         Raises:
-            StudyError: it is not over, or must stay as it is.
+            StudyError: the phase is not over, is consent, or the frozen network has learnt from
+                it; or the participant has left.
         """
-        redo(self._opened, participant, phase)
+        connection = self._opened.store.connection
+        with connection.transaction(f"open {phase!r} of {participant!r} again", durable=True):
+            progress = progress_of(self._opened, participant)
+            view, kind = progress.view, progress.phase(phase).kind
+            if view.standing.withdrawn or view.standing is Standing.DECLINED:
+                raise StudyError(f"{participant} has left ({view.standing}); nothing is redone.")
+            if kind is PhaseKind.CONSENT:
+                raise StudyError(f"Consent is given once; to end it, withdraw {participant}.")
+            if not progress.state(phase).over:
+                raise StudyError(
+                    f"{phase!r} of {participant} is not over yet; simply go on with it."
+                )
+            if kind is PhaseKind.CALIBRATION:
+                if view.role is Role.TRAINING and participant in people_in_use(connection):
+                    raise StudyError(
+                        f"The network is frozen and has learnt from {participant}'s labels, so "
+                        f"they stay as they are; enrol another training participant before the "
+                        f"next study."
+                    )
+                for later, state in view.phases:
+                    if later.kind is PhaseKind.CALIBRATE_W and state is PhaseState.DONE:
+                        insert_phase_event(connection, participant, later.id, PhaseAct.REOPENED)
+            insert_phase_event(connection, participant, phase, PhaseAct.REOPENED)
 
     def withdraw(
         self,
@@ -209,7 +258,7 @@ class Study:
     def findings(self, participant: str | None) -> Sequence[StudyCheck]:
         """Device and timing of a participant's last session; with None, ``verify``'s findings."""
         if participant is not None:
-            return session_findings(self._opened, self._places.of(participant))
+            return session_findings(self._opened, self._progress.of(participant))
         return self.verify().findings
 
     def verify(self, *, expected_head: str | None = None) -> "Verified":
@@ -222,7 +271,7 @@ class Study:
         """Do what is next for a participant at the wheel.
 
         Raises:
-            SteerlabError: they are elsewhere, another run is under way, or a device fails.
+            SteerlabError: they are not at that phase, another run is under way, or a device fails.
         """
         from steerlab.study.runner import run
 
@@ -241,6 +290,10 @@ class Study:
             return train(self._opened, progress)
 
     def change_count(self) -> int:
-        """Grows with every change."""
+        """A number that grows with every change."""
         query = "SELECT coalesce(max(id), 0) FROM audit"
         return self._opened.store.connection.read(query)[0][0]
+
+
+def _token_sha256(token: str) -> str:
+    return sha256(token.encode("utf-8", "surrogatepass")).hexdigest()

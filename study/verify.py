@@ -3,20 +3,20 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from itertools import pairwise
 
 from steerlab.sim.errors import SteerlabError
 from steerlab.study.completeness import person_findings
-from steerlab.study.contract import Role, StudyCheck
-from steerlab.study.frozen_files import model_findings
-from steerlab.study.opened import OpenStudy
-from steerlab.study.orders import order_at
-from steerlab.study.progress import everybody
+from steerlab.study.contract import PhaseKind, PhaseState, Role, StudyCheck
+from steerlab.study.enrolment import order_at
+from steerlab.study.progress import ParticipantProgress, everybody
 from steerlab.study.protocol_file import protocol_sha256
 from steerlab.study.recording.session_recorder import RECORDINGS
 from steerlab.study.store.answers import ANSWERED, read_responses
 from steerlab.study.store.audit import AuditEntry, broken_at
 from steerlab.study.store.errors import StoreError
+from steerlab.study.store.frozen import read_embeddings, read_models
 from steerlab.study.store.people import (
     Departure,
     read_departures,
@@ -24,15 +24,17 @@ from steerlab.study.store.people import (
     read_phase_events,
 )
 from steerlab.study.store.records import AttemptStatus
-from steerlab.study.teaching.findings import teaching_findings
-from steerlab.study.traces import strangers, traces
+from steerlab.study.store.teaching import TaughtRound, read_taught, read_tried
+from steerlab.study.study_folder import OpenStudy
+from steerlab.study.withdrawal import traces, unknown_files
 
 PLACEHOLDER = "TO BE REPLACED"
+_TAMPERED = "Somebody changed the database outside steerlab; compare it with the last copy."
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verified:
-    """What was found, and the audit's newest hash: kept elsewhere, it shows a rewritten audit."""
+    """The checks, and the audit's newest hash: kept elsewhere, it exposes a rewritten audit."""
 
     findings: tuple[StudyCheck, ...]
     head: str
@@ -40,11 +42,11 @@ class Verified:
     @property
     def ok(self) -> bool:
         """Nothing is wrong or missing."""
-        return all(one.ok for one in self.findings)
+        return all(check.ok for check in self.findings)
 
 
 def verify(study: OpenStudy, *, expected_head: str | None = None) -> Verified:
-    """Check all of a study; changes nothing.
+    """Check all of a study; changes nothing, and needs no torch.
 
     Args:
         expected_head: an earlier ``Verified.head``, which the audit must still hold.
@@ -53,143 +55,146 @@ def verify(study: OpenStudy, *, expected_head: str | None = None) -> Verified:
     if not readable:  # nothing that is read from it means anything
         return Verified(findings=(database,), head="")
     entries = study.store.audit()
-    found = [
+    everyone = everybody(study)
+    checks = [
         database,
         *_audit(entries, expected_head),
         *_answers(study, entries),
         *_protocol(study),
         *_orders(study),
         *_clock(study, entries),
-        *_people(study),
-        *_inputs(study),
-        *model_findings(study),
-        *teaching_findings(study),
-        *_left_behind(study),
+        *_people(study, everyone),
+        *_devices(study),
+        *_network(study),
+        *_embeddings(study, everyone),
+        *_teaching(study, everyone),
+        *_withdrawals(study),
+        *_attempts(study),
     ]
-    return Verified(findings=tuple(found), head=entries[-1].sha256 or "" if entries else "")
+    return Verified(findings=tuple(checks), head=entries[-1].sha256 or "" if entries else "")
 
 
 def _database(study: OpenStudy) -> tuple[StudyCheck, bool]:
-    """What SQLite finds, and whether the rest can be read."""
+    """SQLite's check of the file, and whether the rest can be read."""
     connection = study.store.connection
     try:
-        found = "; ".join(row[0] for row in connection.read("PRAGMA integrity_check"))
-        dangling = connection.read("PRAGMA foreign_key_check") if found == "ok" else []
+        result = "; ".join(row[0] for row in connection.read("PRAGMA integrity_check"))
+        dangling = connection.read("PRAGMA foreign_key_check") if result == "ok" else []
     except StoreError as error:
-        found, dangling = str(error), []
-    mend = "Restore the study folder from its last copy."
-    if found != "ok":
-        return StudyCheck(what="Database", found=found, ok=False, mend=mend), False
+        result, dangling = str(error), []
+    remedy = "Restore the study folder from its last copy."
+    if result != "ok":
+        return StudyCheck(what="Database", found=result, ok=False, mend=remedy), False
     if dangling:
-        found = f"{len(dangling)} rows refer to others that are not there"
-        return StudyCheck(what="Database", found=found, ok=False, mend=mend), True
+        result = f"{len(dangling)} rows refer to others that are not there"
+        return StudyCheck(what="Database", found=result, ok=False, mend=remedy), True
     return StudyCheck(what="Database", found="whole", ok=True), True
 
 
 def _audit(entries: Sequence[AuditEntry], expected: str | None) -> Iterator[StudyCheck]:
-    mend = "Somebody changed the database outside steerlab; compare it with the last copy."
     broken = broken_at(list(entries))
     if broken is not None:
-        found = f"entry {broken.id} ({broken.act}, {broken.at_utc}) breaks the chain"
-        yield StudyCheck(what="Audit", found=found, ok=False, mend=mend)
+        result = f"entry {broken.id} ({broken.act}, {broken.at_utc}) breaks the chain"
+        yield StudyCheck(what="Audit", found=result, ok=False, mend=_TAMPERED)
     elif any(after.id != before.id + 1 for before, after in pairwise(entries)):
-        yield StudyCheck(what="Audit", found="entries are missing", ok=False, mend=mend)
+        yield StudyCheck(what="Audit", found="entries are missing", ok=False, mend=_TAMPERED)
     else:
         yield StudyCheck(what="Audit", found=f"{len(entries)} entries, unbroken", ok=True)
     if expected is not None and expected not in [entry.sha256 for entry in entries]:
-        found = f"no entry has the hash {expected}"
-        yield StudyCheck(what="Audit", found=found, ok=False, mend=mend)
+        result = f"no entry has the hash {expected}"
+        yield StudyCheck(what="Audit", found=result, ok=False, mend=_TAMPERED)
 
 
 def _answers(study: OpenStudy, entries: Sequence[AuditEntry]) -> Iterator[StudyCheck]:
-    """Every answer is the one that the audit sealed, and none that should be there is gone."""
+    """Every answer is the one that the audit sealed, and none is missing."""
     seals = {
         int(entry.detail.split()[1]): entry.detail for entry in entries if entry.act == ANSWERED
     }
     responses = read_responses(study.store.connection)
-    changed = [one.id for one in responses if seals.get(one.id) != one.seal]
+    changed = [response.id for response in responses if seals.get(response.id) != response.seal]
     gone = len(seals) - len(responses)
     erased = any(
         how is not Departure.KEPT for how in read_departures(study.store.connection).values()
     )
-    mend = "Somebody changed the database outside steerlab; compare it with the last copy."
     if changed:
-        found = f"{len(changed)} differ from what the audit sealed, the first is row {changed[0]}"
-        yield StudyCheck(what="Answers", found=found, ok=False, mend=mend)
+        result = f"{len(changed)} differ from what the audit sealed, the first is row {changed[0]}"
+        yield StudyCheck(what="Answers", found=result, ok=False, mend=_TAMPERED)
     elif gone and not erased:
-        yield StudyCheck(what="Answers", found=f"{gone} are gone", ok=False, mend=mend)
+        yield StudyCheck(what="Answers", found=f"{gone} are gone", ok=False, mend=_TAMPERED)
     else:
         yield StudyCheck(what="Answers", found=f"{len(responses)} as they were given", ok=True)
 
 
 def _protocol(study: OpenStudy) -> Iterator[StudyCheck]:
     versions = study.versions()
-    for one in versions:
-        if protocol_sha256(one.text) != one.sha256:
-            found = f"version {one.version} is not what its hash says"
-            mend = "Compare the database with its last copy."
-            yield StudyCheck(what="Protocol", found=found, ok=False, mend=mend)
+    for frozen in versions:
+        if protocol_sha256(frozen.text) != frozen.sha256:
+            result = f"version {frozen.version} is not what its hash says"
+            remedy = "Compare the database with its last copy."
+            yield StudyCheck(what="Protocol", found=result, ok=False, mend=remedy)
     try:
         study.check_unchanged()
     except SteerlabError as error:
-        mend = "Put the file back, or record the change with study amend."
-        yield StudyCheck(what="Protocol", found=str(error), ok=False, mend=mend)
-    else:
-        found = f"version {versions[-1].version}, as frozen" if versions else "not frozen yet"
-        yield StudyCheck(what="Protocol", found=found, ok=True)
-        if any(PLACEHOLDER in paragraph for paragraph in study.current().consent.text):
-            found = f"the consent text is still the template's: it says {PLACEHOLDER}"
-            mend = "Put in the text that your ethics committee approved, with the next version."
-            yield StudyCheck(what="Consent", found=found, ok=True, mend=mend, notice=True)
+        remedy = "Put the file back, or record the change with study amend."
+        yield StudyCheck(what="Protocol", found=str(error), ok=False, mend=remedy)
+        return
+    result = f"version {versions[-1].version}, as frozen" if versions else "not frozen yet"
+    yield StudyCheck(what="Protocol", found=result, ok=True)
+    if any(PLACEHOLDER in paragraph for paragraph in study.current().consent.text):
+        result = f"the consent text is still the template's: it says {PLACEHOLDER}"
+        remedy = "Put in the text that your ethics committee approved, with the next version."
+        yield StudyCheck(what="Consent", found=result, ok=True, mend=remedy, notice=True)
 
 
 def _orders(study: OpenStudy) -> Iterator[StudyCheck]:
-    """Every order is the one that the seed gives at that place."""
-    places: Counter[str] = Counter()
+    """Every condition order is the one that the protocol's seed gives."""
+    drawn: Counter[str] = Counter()
     wrong: list[str] = []
-    for one in read_enrolments(study.store.connection):
-        if one.role != Role.TEST:
+    for person in read_enrolments(study.store.connection):
+        if person.role != Role.TEST:
             continue
-        protocol = study.protocol_of(one.protocol_version)
+        protocol = study.protocol_of(person.protocol_version)
         keys = [condition.key for condition in protocol.conditions]
-        index, size = places[one.allocation], protocol.block_size
-        places[one.allocation] += 1
-        if one.condition_order != order_at(keys, seed=protocol.seed, block_size=size, index=index):
-            wrong.append(one.participant)
+        index, size = drawn[person.allocation], protocol.block_size
+        drawn[person.allocation] += 1
+        if person.condition_order != order_at(
+            keys, seed=protocol.seed, block_size=size, index=index
+        ):
+            wrong.append(person.participant)
     if wrong:
-        found = f"{', '.join(wrong)} have another order than the protocol's seed gives"
-        mend = "Compare the database with its last copy."
-        yield StudyCheck(what="Condition orders", found=found, ok=False, mend=mend)
-    elif places:
+        result = f"{', '.join(wrong)} have another order than the protocol's seed gives"
+        remedy = "Compare the database with its last copy."
+        yield StudyCheck(what="Condition orders", found=result, ok=False, mend=remedy)
+    elif drawn:
         yield StudyCheck(what="Condition orders", found="as the seed gives them", ok=True)
 
 
 def _clock(study: OpenStudy, entries: Sequence[AuditEntry]) -> Iterator[StudyCheck]:
-    """Times only grow in what is only appended to."""
+    """In what is only appended to, times only grow."""
     acts = read_phase_events(study.store.connection)
     answers = read_responses(study.store.connection)
     for what, times in (
         ("the audit", [entry.at_utc for entry in entries]),
         ("the phases", [act.at_utc for act in acts]),
-        ("the answers", [one.at_utc for one in answers]),
+        ("the answers", [answer.at_utc for answer in answers]),
     ):
         for before, after in pairwise(times):
             if after < before:
-                found = f"in {what}, {after} was written after {before}"
-                mend = "The computer's clock was set back; note when, and switch on time service."
-                yield StudyCheck(what="Clock", found=found, ok=False, mend=mend)
+                result = f"in {what}, {after} was written after {before}"
+                remedy = "The computer's clock was set back; note when, and switch on time service."
+                yield StudyCheck(what="Clock", found=result, ok=False, mend=remedy)
                 return
     yield StudyCheck(what="Clock", found="never ran backwards", ok=True)
 
 
-def _people(study: OpenStudy) -> Iterator[StudyCheck]:
+def _people(study: OpenStudy, everyone: Sequence[ParticipantProgress]) -> Iterator[StudyCheck]:
     finished = study.store.attempts(AttemptStatus.FINISHED)
-    for place in everybody(study):
-        yield from person_findings(study, place, finished)
+    for progress in everyone:
+        yield from person_findings(study, progress, finished)
 
 
-def _inputs(study: OpenStudy) -> Iterator[StudyCheck]:
-    """Labels of different devices are not pooled unseen."""
+def _devices(study: OpenStudy) -> Iterator[StudyCheck]:
+    """Labels given with different devices must not be pooled unnoticed."""
     roles = study.store.participants()
     for role in Role:
         kinds = sorted(
@@ -200,36 +205,127 @@ def _inputs(study: OpenStudy) -> Iterator[StudyCheck]:
             }
         )
         if len(kinds) > 1:
-            found = f"{role} participants steered with {', '.join(kinds)}"
-            mend = "Analyse them apart, or leave those out that the protocol did not mean."
-            yield StudyCheck(what="Devices", found=found, ok=False, mend=mend)
+            result = f"{role} participants steered with {', '.join(kinds)}"
+            remedy = "Analyse them apart, or leave those out that the protocol did not mean."
+            yield StudyCheck(what="Devices", found=result, ok=False, mend=remedy)
 
 
-def _left_behind(study: OpenStudy) -> Iterator[StudyCheck]:
+def _network(study: OpenStudy) -> Iterator[StudyCheck]:
+    """The network's file is what was frozen."""
+    remedy = "Restore it from the last copy of the study."
+    for model in read_models(study.store.connection):
+        if model.removed_utc is not None:
+            continue
+        path = study.folder / model.file
+        if not path.is_file():
+            yield StudyCheck(what="Network", found=f"{path} is missing", ok=False, mend=remedy)
+        elif sha256(path.read_bytes()).hexdigest() != model.sha256:
+            yield StudyCheck(what="Network", found=f"{path} was changed", ok=False, mend=remedy)
+        else:
+            result = f"{model.file} of {len(model.people)} people, as frozen"
+            yield StudyCheck(what="Network", found=result, ok=True)
+
+
+def _embeddings(study: OpenStudy, everyone: Sequence[ParticipantProgress]) -> Iterator[StudyCheck]:
+    """Every w that should be there is, and comes from the network in use."""
+    models = read_models(study.store.connection)
+    in_use = {model.sha256 for model in models if model.removed_utc is None}
+    embeddings = read_embeddings(study.store.connection)
+    for progress in everyone:
+        participant, phase = progress.view.id, progress.of_kind(PhaseKind.CALIBRATE_W)
+        if phase is None or progress.state(phase.id) is not PhaseState.DONE:
+            continue
+        embedding = embeddings.get(participant)
+        if embedding is None:
+            result = f"{participant} has no w, though {phase.id} is done"
+            remedy = f"Open the phase again: steerlab study redo DIR {participant} {phase.id}"
+            yield StudyCheck(what="Network", found=result, ok=False, mend=remedy)
+            continue
+        if embedding.model_sha256 not in in_use:
+            result = f"w of {participant} comes from a network that was removed"
+            remedy = "Once enough training participants have finished: steerlab study train DIR"
+            yield StudyCheck(what="Network", found=result, ok=False, mend=remedy)
+        if embedding.outside:
+            result = f"{participant} corrects unlike the training participants"
+            remedy = "Look at their labels before trusting the mapped ones."
+            yield StudyCheck(what="Network", found=result, ok=True, mend=remedy, notice=True)
+
+
+def _teaching(study: OpenStudy, everyone: Sequence[ParticipantProgress]) -> Iterator[StudyCheck]:
+    """Rounds, trials and policies of every teaching phase that is marked as done."""
+    intact = 0
+    for progress in everyone:
+        participant = progress.view.id
+        if progress.view.standing.erased:
+            continue
+        for phase, state in progress.view.phases:
+            if phase.kind is not PhaseKind.TEACH or state is not PhaseState.DONE:
+                continue
+            rounds = read_taught(study.store.connection, participant, phase.id)
+            wrong = _missing_rounds(study, progress, phase.id, rounds)
+            wrong = wrong or _changed_policy(study, rounds)
+            if wrong:
+                result = f"{phase.id}: {wrong}"
+                remedy = (
+                    f"Restore the study from its last copy, or redo {phase.id} of {participant}."
+                )
+                yield StudyCheck(what=participant, found=result, ok=False, mend=remedy)
+            else:
+                intact += len(rounds)
+    if intact:
+        result = f"{intact} rounds, their policies as they were kept"
+        yield StudyCheck(what="Teaching", found=result, ok=True)
+
+
+def _missing_rounds(
+    study: OpenStudy, progress: ParticipantProgress, phase: str, rounds: Sequence[TaughtRound]
+) -> str | None:
+    """What a teaching phase that is done lacks; None if nothing."""
+    wanted = progress.protocol.demonstrations + 1
+    if len(rounds) != wanted:
+        return f"it is done, but has {len(rounds)} of {wanted} rounds"
+    tried = read_tried(study.store.connection, progress.view.id, phase)
+    untried = {taught.round for taught in rounds} - tried
+    return f"the policies of rounds {sorted(untried)} were never tried" if untried else None
+
+
+def _changed_policy(study: OpenStudy, rounds: Sequence[TaughtRound]) -> str | None:
+    """A policy's file that is not what was kept; None if all are."""
+    for taught in rounds:
+        for name, digest in taught.policies.items():
+            path = study.folder / name
+            if not path.is_file():
+                return f"{path} is missing"
+            if sha256(path.read_bytes()).hexdigest() != digest:
+                return f"{path} was changed"
+    return None
+
+
+def _withdrawals(study: OpenStudy) -> Iterator[StudyCheck]:
+    """Whatever is left of people whose data were erased."""
     for participant, how in read_departures(study.store.connection).items():
         left = [] if how is Departure.KEPT else traces(study.folder, participant)
         if how is Departure.ERASING or left:
-            found = f"the erasure of {participant} is not finished"
-            mend = f"Say again: steerlab study withdraw {study.folder} {participant} --erase"
-            yield StudyCheck(what="Withdrawal", found=found, ok=False, mend=mend)
-        if how is Departure.ERASED and (others := [path.name for path in strangers(study.folder)]):
-            found = f"{', '.join(others)}: not steerlab's; may hold data of {participant}, erased"
-            mend = "Look, and delete what holds any."
-            yield StudyCheck(what="Withdrawal", found=found, ok=True, mend=mend, notice=True)
-    if running := study.store.attempts(AttemptStatus.RUNNING):
-        found = f"{len(running)} were cut off, or are under way; they are redone on resuming"
-        yield StudyCheck(what="Attempts", found=found, ok=True, notice=True)
-    missing = [
-        attempt
-        for attempt in study.store.attempts(AttemptStatus.FINISHED)
-        if not _recorded(study, *attempt.key)
-    ]
-    if missing:
-        found = f"{len(missing)} attempts have none; steerlab replay makes them from the database"
-        yield StudyCheck(what="Recordings", found=found, ok=True, notice=True)
+            result = f"the erasure of {participant} is not finished"
+            remedy = f"Run again: steerlab study withdraw {study.folder} {participant} --erase"
+            yield StudyCheck(what="Withdrawal", found=result, ok=False, mend=remedy)
+        unknown = [path.name for path in unknown_files(study.folder)]
+        if how is Departure.ERASED and unknown:
+            result = f"{', '.join(unknown)}: not steerlab's; may hold data of {participant}, erased"
+            remedy = "Look, and delete what holds any."
+            yield StudyCheck(what="Withdrawal", found=result, ok=True, mend=remedy, notice=True)
 
 
-def _recorded(study: OpenStudy, participant: str, rollout: str, attempt: int) -> bool:
+def _attempts(study: OpenStudy) -> Iterator[StudyCheck]:
+    """Attempts that were cut off, and those without a Rerun recording."""
     from steerlab.study.recording.rebuild import recording_file
 
-    return (study.folder / RECORDINGS / recording_file(participant, rollout, attempt)).exists()
+    if running := study.store.attempts(AttemptStatus.RUNNING):
+        result = f"{len(running)} were cut off, or are under way; they are redone on resuming"
+        yield StudyCheck(what="Attempts", found=result, ok=True, notice=True)
+    folder = study.folder / RECORDINGS
+    finished = study.store.attempts(AttemptStatus.FINISHED)
+    missing = [a for a in finished if not (folder / recording_file(*a.key)).exists()]
+    if missing:
+        result = f"{len(missing)} attempts have none; steerlab replay makes them from the database"
+        yield StudyCheck(what="Recordings", found=result, ok=True, notice=True)

@@ -1,17 +1,40 @@
 """Leaving a study: an explicit act that keeps the data, or erases all but a tombstone."""
 
-from steerlab.sim.files.folder_lock import RUN_LOCK, locked
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from steerlab.sim.files.folder_lock import CONSOLE_LOCK, RUN_LOCK, holder_name, locked
 from steerlab.study.contract import StudyError
-from steerlab.study.models import ProgressBar, remove_models_of, renew
-from steerlab.study.opened import OpenStudy
+from steerlab.study.models import remove_models_of, renew
 from steerlab.study.progress import progress_of
-from steerlab.study.store.erasure import erase_rows, scrub
-from steerlab.study.store.people import Departure, read_departures, write_departure
-from steerlab.study.traces import delete, derived, traces
+from steerlab.study.protocol_file import PROTOCOL_FILE, QUESTIONNAIRES
+from steerlab.study.recording.session_recorder import RECORDINGS
+from steerlab.study.store.people import (
+    Departure,
+    erase_rows,
+    read_departures,
+    scrub,
+    write_departure,
+)
+from steerlab.study.store.store import STUDY_FILE
+from steerlab.study.study_folder import MODELS, OpenStudy
+
+DERIVED = ("exports", "report")
+"""Subfolders with nothing but what can be made anew from the database."""
+
+_KNOWN = (
+    *(STUDY_FILE, f"{STUDY_FILE}-wal", f"{STUDY_FILE}-shm", PROTOCOL_FILE, QUESTIONNAIRES),
+    *(RECORDINGS, MODELS, *DERIVED),
+    *(RUN_LOCK, CONSOLE_LOCK, holder_name(RUN_LOCK), holder_name(CONSOLE_LOCK)),
+)
 
 
-def withdraw(study: OpenStudy, participant: str, *, erase: bool, progress: ProgressBar) -> None:
-    """Let a participant leave. What a crash cut off is finished by saying it again.
+def withdraw(
+    study: OpenStudy, participant: str, *, erase: bool, progress: Callable[[str, float], None]
+) -> None:
+    """Let a participant leave. If a crash cuts it off, calling it again finishes it.
 
     Erasing removes rows, recordings, models, and all exports and reports, rewrites the database
     without them, trains the network anew without the person if enough people are left, and leaves
@@ -20,9 +43,9 @@ def withdraw(study: OpenStudy, participant: str, *, erase: bool, progress: Progr
 
     Raises:
         StudyError: nobody is enrolled under that name, their data are erased already, or a file
-            cannot be deleted; say it again.
+            cannot be deleted; call it again after that.
         LockedOut: a run is under way in this study.
-        StoreError: another program reads the database, so that traces remain; say it again.
+        StoreError: another program reads the database, so that traces remain; call it again.
     """
     progress_of(study, participant)
     connection = study.store.connection
@@ -39,10 +62,64 @@ def withdraw(study: OpenStudy, participant: str, *, erase: bool, progress: Progr
             return
         if left is not Departure.ERASING:
             erase_rows(connection, participant)
-        for path in (*traces(study.folder, participant), *derived(study.folder)):
-            delete(path)
+        for path in (*traces(study.folder, participant), *_derived(study.folder)):
+            _delete(path)
         remove_models_of(study, participant)
         scrub(connection)
         renew(study, progress)
         with connection.transaction(f"finish erasing {participant!r}", durable=True):
             write_departure(connection, participant, Departure.ERASED)
+
+
+def traces(folder: Path, participant: str) -> list[Path]:
+    """Files and folders under ``recordings`` and ``models`` that carry the participant's pseudonym.
+
+    Such as ``recordings/P001-calibration-05-0.rrd``, whole or in parts, and networks with their w.
+    Empty once they are erased.
+    """
+    named = re.compile(rf"(?<![A-Za-z0-9]){re.escape(participant)}(?![A-Za-z0-9])")
+    paths: list[Path] = []
+    for subfolder in (RECORDINGS, MODELS):
+        for path in sorted((folder / subfolder).rglob("*")):  # a folder before what is in it
+            if named.search(path.name) and not set(path.parents) & set(paths):
+                paths.append(path)
+    return paths
+
+
+def unknown_files(folder: Path) -> list[Path]:
+    """Files and folders that steerlab did not put into the study's folder, and never touches."""
+    return [path for path in sorted(folder.iterdir()) if path.name not in _KNOWN]
+
+
+def _derived(folder: Path) -> list[Path]:
+    """Exports and reports: they hold everybody's data, so they go when anybody's do.
+
+    With them the hidden folders that ``output_folder`` leaves beside them if it is cut off.
+    """
+    cut_off = [path for name in DERIVED for path in sorted(folder.glob(f".{name}-*"))]
+    return cut_off + [
+        path for name in DERIVED if (path := folder / name).exists() or path.is_symlink()
+    ]
+
+
+def _delete(path: Path) -> None:
+    """Delete a file, or a folder with all that is in it.
+
+    Raises:
+        StudyError: it cannot be deleted, or leads out of the study.
+    """
+    try:
+        if path.is_symlink():
+            raise StudyError(
+                f"{path} is a link to {path.readlink()}, which steerlab does not touch. Delete "
+                f"what is there and the link, then withdraw the participant again."
+            )
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+    except OSError as error:
+        raise StudyError(
+            f"Cannot delete {path}: {error.strerror or error}. Put that right, then withdraw the "
+            f"participant again."
+        ) from error

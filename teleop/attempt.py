@@ -1,22 +1,42 @@
-"""One attempt of a person at a drive: in real time, recorded, and judged by the gates."""
+"""A person's attempts at a drive: countdown, real time, pauses and redos, until one is finished."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from time import perf_counter_ns, sleep
 from typing import Protocol
 
-from steerlab.sim.errors import SteerlabError
+from steerlab.sim.errors import InvalidConfig, SteerlabError
 from steerlab.sim.records import Driver, LabelledStep
 from steerlab.sim.vehicle import CarConfig
 from steerlab.teleop.devices.contract import Device
 from steerlab.teleop.drives.contract import Drive
 from steerlab.teleop.loop import DriveEnd, run_drive
-from steerlab.teleop.pacing import WallClock, no_garbage_collection
+from steerlab.teleop.pacing import PacingConfig, WallClock, no_garbage_collection
 from steerlab.teleop.page_prompt import PagePrompt
 from steerlab.teleop.pages import error_page, pause_page
 from steerlab.teleop.screen.contract import DriveView, Page, Screen
 from steerlab.teleop.timing import StepTiming
 from steerlab.teleop.timing_limits import GateConfig, LoopHealth, TimingViolation, failed_gates
 from steerlab.teleop.watch import PersonWatch
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionConfig:
+    """How drives are shown to a person.
+
+    Attributes:
+        show_agent_wheel: may anchor the labels, which are what is studied: off by default.
+    """
+
+    countdown_s: float = 3.0
+    instruction: str = "Steer as you think the car should have steered."
+    show_agent_wheel: bool = False
+    pacing: PacingConfig = field(default_factory=PacingConfig)
+    gates: GateConfig = field(default_factory=GateConfig)
+
+    def __post_init__(self) -> None:
+        if not self.countdown_s >= 0.0:
+            raise InvalidConfig(f"countdown_s is {self.countdown_s}; it must not be negative.")
 
 
 class AttemptRecord(Protocol):
@@ -47,7 +67,7 @@ class AttemptRecord(Protocol):
 
 
 class Recorder(Protocol):
-    """Keeps a session."""
+    """Keeps a session, or nothing of it."""
 
     def begin(self, drive: Drive) -> AttemptRecord:
         """Open the participant's next attempt at a drive."""
@@ -55,111 +75,155 @@ class Recorder(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Attempted:
-    """How it ended; without ``health`` it was not finished and does not count."""
+class FinishedAttempt:
+    """An attempt that reached the end of its drive, and the timing limits that it broke."""
 
-    end: DriveEnd
     attempt: int
-    failed: Sequence[TimingViolation] = ()
-    health: LoopHealth | None = None
+    failed: Sequence[TimingViolation]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Attempts:
-    """Who sits before which screen, at which device, and who records it."""
+class AttemptLoop:
+    """The one loop in which a person labels, practises and teaches.
 
-    screen: Screen
-    device: Device
-    recorder: Recorder
-    participant: str
-    clock: WallClock
-    watch: PersonWatch
-    gates: GateConfig
-    now_ns: Callable[[], int]
-    show_agent_wheel: bool = False
-    car: CarConfig = field(default_factory=CarConfig)
+    Args:
+        poll: empties the event queue.
+        now_ns, sleep_s: time itself; tests pass their own.
 
-    def show(
+    Attributes:
+        clock: of the running attempt.
+        prompt: asks the person something between attempts.
+        watch: what the person presses.
+        health: the loop's, one of each finished attempt.
+    """
+
+    def __init__(
+        self,
+        *,
+        screen: Screen,
+        device: Device,
+        poll: Callable[[], None],
+        recorder: Recorder,
+        participant: str,
+        config: SessionConfig,
+        now_ns: Callable[[], int] = perf_counter_ns,
+        sleep_s: Callable[[float], None] = sleep,
+    ) -> None:
+        self._screen, self._device, self._recorder = screen, device, recorder
+        self._participant, self._config, self._now_ns = participant, config, now_ns
+        self._car = CarConfig()
+        self.clock = WallClock(config.pacing, poll, now_ns=now_ns, sleep_s=sleep_s)
+        self.watch = PersonWatch(screen)
+        self.prompt = PagePrompt(screen, device, poll, self.watch, now_ns=now_ns, sleep_s=sleep_s)
+        self.health: list[LoopHealth] = []
+
+    def until_finished(
+        self,
+        drive: Drive,
+        show: Callable[[float], None],
+        *,
+        number: int,
+        count: int,
+        what: str = "Rollout",
+        before: Callable[[], bool] | None = None,
+        event: Callable[[], str] | None = None,
+    ) -> FinishedAttempt | None:
+        """Attempts at ``drive`` until one is finished; None if the person stops.
+
+        Args:
+            show: draws a display frame, a fraction of the way to the next step.
+            number, count: of the drive, from 1, for the countdown.
+            what: the word for a drive there.
+            before: what the person must do over the still start; False to stop.
+            event: what is kept beside a finished attempt, such as how a live drive ended.
+
+        Raises:
+            SteerlabError: what happens can no longer be kept; the running attempt does not count.
+        """
+        while True:
+            drive.begin(participant=self._participant, attempt=0)
+            self.clock.start()
+            show(0.0)
+            if before is not None and not before():
+                return None
+            if not self.prompt.countdown(number, count, self._config.countdown_s, what=what):
+                return None
+            end = self._attempt(drive, show, event)
+            if isinstance(end, FinishedAttempt):
+                return end
+            if end is DriveEnd.STOPPED:
+                return None
+            if end is not DriveEnd.REDO and not self._pause(end):
+                return None
+
+    def show_labelled(
         self, drive: Drive, fraction: float, *, number: int, count: int, instruction: str
     ) -> None:
-        """Draw a frame of a drive, ``fraction`` of the way to its next step."""
-        moment, sample = drive.between(fraction), self.device.read()
-        agent = self.show_agent_wheel
-        self.screen.show_drive(
+        """Draw a frame of a drive that is recorded, ``fraction`` of the way to its next step."""
+        frame, sample = drive.between(fraction), self._device.read()
+        agent = self._config.show_agent_wheel
+        self._screen.show_drive(
             DriveView(
-                pose=moment.pose,
-                road_wheel_rad=self.car.road_wheel_rad(moment.wheel) if agent else 0.0,
+                pose=frame.pose,
+                road_wheel_rad=self._car.road_wheel_rad(frame.wheel) if agent else 0.0,
                 elapsed_s=self.clock.elapsed_s,
                 number=number,
                 count=count,
                 needle=sample.wheel if sample.ok else None,
-                agent_needle=moment.wheel if agent else None,
-                teacher_drives=moment.gate is Driver.TEACHER,
-                device=self.device.info.name,
+                agent_needle=frame.wheel if agent else None,
+                teacher_drives=frame.gate is Driver.TEACHER,
+                device=self._device.info.name,
                 device_ok=sample.ok,
                 instruction=instruction,
             )
         )
 
-    def pause(self, why: DriveEnd, stage: PagePrompt) -> bool:
-        """Say why a drive was cut off, until the person goes on; False to stop."""
-
-        def page() -> Page:
-            sample = self.device.read()
-            return pause_page(why, sample, self.device.info.name, focused=self.screen.focused)
-
-        return stage.ready(page)
-
-    def run(
-        self,
-        drive: Drive,
-        show: Callable[[float], None],
-        *,
-        event: Callable[[], str] | None = None,
-    ) -> Attempted:
-        """One attempt at ``drive``, begun by its caller, to its end.
-
-        Args:
-            show: draws a display frame.
-            event: what is kept beside a finished attempt, such as how a live drive ended.
-
-        Raises:
-            SteerlabError: what happens can no longer be kept; the attempt does not count.
-        """
-        record = self.recorder.begin(drive)
+    def _attempt(
+        self, drive: Drive, show: Callable[[float], None], event: Callable[[], str] | None
+    ) -> FinishedAttempt | DriveEnd:
+        record = self._recorder.begin(drive)
         sink = _Collecting(record)
-        self.watch.begin(self.device.read())
+        self.watch.begin(self._device.read())
         try:
             with no_garbage_collection():
                 end = run_drive(
                     drive,
-                    self.device,
-                    participant=self.participant,
+                    self._device,
+                    participant=self._participant,
                     order=record.order,
                     attempt=record.attempt,
                     clock=self.clock,
                     sink=sink,
                     watch=self.watch,
                     show=show,
-                    now_ns=self.now_ns,
+                    now_ns=self._now_ns,
                 )
             if end is not DriveEnd.FINISHED:
                 record.event(len(sink.timings), end.value)
                 record.abandon(end.value)
-                return Attempted(end=end, attempt=record.attempt)
+                return end
             health = LoopHealth.of(sink.timings, self.clock.frame_ns, self.clock.dropped)
-            failed = failed_gates(health, self.gates)
+            failed = failed_gates(health, self._config.gates)
             if event is not None:
                 record.event(len(sink.timings), event())
             record.finish(failed)
         except SteerlabError as error:
-            self.screen.show_page(error_page(str(error)))
+            self._screen.show_page(error_page(str(error)))
             raise
-        return Attempted(end=end, attempt=record.attempt, failed=failed, health=health)
+        self.health.append(health)
+        return FinishedAttempt(attempt=record.attempt, failed=failed)
+
+    def _pause(self, why: DriveEnd) -> bool:
+        """Say why a drive was cut off, until the person goes on; False to stop."""
+
+        def page() -> Page:
+            sample = self._device.read()
+            return pause_page(why, sample, self._device.info.name, focused=self._screen.focused)
+
+        return self.prompt.ready(page)
 
 
 class _Collecting:
-    """Passes steps on, and keeps their timings for the gates."""
+    """Passes steps on, and keeps their timings for the limits."""
 
     def __init__(self, record: AttemptRecord) -> None:
         self._record = record

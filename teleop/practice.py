@@ -1,6 +1,6 @@
 """The practice drive: the participant drives to one ball after another, and nothing is labelled."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter_ns, sleep
@@ -13,16 +13,16 @@ from steerlab.sim.records import LabelledStep
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.world import WorldSpec
 from steerlab.sim.world_generator import WorldConfig, generate_world
+from steerlab.teleop.attempt import AttemptLoop, SessionConfig
 from steerlab.teleop.devices.contract import Device, DeviceSample
+from steerlab.teleop.drives.contract import Drive
 from steerlab.teleop.drives.live import LiveDrive
 from steerlab.teleop.drives.who_drives import PersonDrives
-from steerlab.teleop.loop import DriveEnd, run_drive
-from steerlab.teleop.pacing import PacingConfig, WallClock, no_garbage_collection
-from steerlab.teleop.page_prompt import PagePrompt
-from steerlab.teleop.pages import pause_page, pedals_page, practice_done_page, practice_page
+from steerlab.teleop.pacing import PacingConfig
+from steerlab.teleop.pages import pedals_page, practice_done_page, practice_page
 from steerlab.teleop.screen.contract import Act, DriveView, Page, Screen
 from steerlab.teleop.timing import StepTiming
-from steerlab.teleop.watch import PersonWatch
+from steerlab.teleop.timing_limits import TimingViolation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,10 +82,19 @@ class Practice:
         self._screen = screen
         self._device = device
         self._config = config or PracticeConfig()
-        self._now_ns = now_ns
-        self._clock = WallClock(pacing or PacingConfig(), poll, now_ns=now_ns, sleep_s=sleep_s)
-        self._watch = PersonWatch(screen)
-        self._stage = PagePrompt(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
+        self._attempts = AttemptLoop(
+            screen=screen,
+            device=device,
+            poll=poll,
+            recorder=Unrecorded(),
+            participant="practice",
+            config=SessionConfig(
+                countdown_s=self._config.countdown_s, pacing=pacing or PacingConfig()
+            ),
+            now_ns=now_ns,
+            sleep_s=sleep_s,
+        )
+        self._prompt = self._attempts.prompt
         self._balls = self._crashes = 0
 
     def run(self) -> PracticeResult:
@@ -98,7 +107,7 @@ class Practice:
                 if not self._until_reached(drive):
                     return PracticeResult(self._balls, self._crashes, stopped=True)
             number += 1
-        self._stage.ask(
+        self._prompt.ask(
             lambda: practice_done_page(self._balls, self._crashes), {Act.CONFIRM, Act.STOP}
         )
         return PracticeResult(self._balls, self._crashes, stopped=False)
@@ -106,51 +115,30 @@ class Practice:
     def _until_reached(self, drive: LiveDrive) -> bool:
         """Drive until this ball is reached; False to stop."""
         while True:
-            drive.begin(participant="practice", attempt=0)
-            self._clock.start()
-            self._show(drive, 0.0)
-            if self._config.pedals and not self._stage.until(self._ask_for_pedals, _has_pedals):
+            finished = self._attempts.until_finished(
+                drive,
+                lambda fraction: self._show(drive, fraction),
+                number=self._balls + 1,
+                count=self._config.balls,
+                what="Ball",
+                before=self._pedals_work if self._config.pedals else None,
+            )
+            if finished is None:
                 return False
-            if not self._stage.countdown(
-                self._balls + 1, self._config.balls, self._config.countdown_s, what="Ball"
-            ):
-                return False
-            self._watch.begin(self._device.read())
-            with no_garbage_collection():
-                end = run_drive(
-                    drive,
-                    self._device,
-                    participant="practice",
-                    order=0,
-                    clock=self._clock,
-                    sink=Nowhere(),
-                    watch=self._watch,
-                    show=lambda fraction: self._show(drive, fraction),
-                    now_ns=self._now_ns,
-                )
-            if end is DriveEnd.STOPPED:
-                return False
-            if end is not DriveEnd.FINISHED:
-                if end is not DriveEnd.REDO and not self._pause(end):
-                    return False
-                continue
             reached = drive.outcome is Outcome.BALL_REACHED
             self._balls += reached
             self._crashes += drive.outcome is Outcome.BLOCK_HIT
             if reached and self._balls >= self._config.balls:
                 return True
             page = practice_page(drive.outcome, self._balls, self._config.balls)
-            if self._stage.ask(lambda page=page: page, {Act.CONFIRM, Act.STOP}) is Act.STOP:
+            if self._prompt.ask(lambda page=page: page, {Act.CONFIRM, Act.STOP}) is Act.STOP:
                 return False
             if reached:
                 return True
 
-    def _pause(self, why: DriveEnd) -> bool:
-        def page() -> Page:
-            sample = self._device.read()
-            return pause_page(why, sample, self._device.info.name, focused=self._screen.focused)
-
-        return self._stage.ready(page)
+    def _pedals_work(self) -> bool:
+        """Ask for both pedals until the device knows them; False to stop."""
+        return self._prompt.until(self._ask_for_pedals, _has_pedals)
 
     def _ask_for_pedals(self, sample: DeviceSample) -> Page:
         return pedals_page(sample, self._device.info.name)
@@ -160,7 +148,7 @@ class Practice:
         self._screen.show_drive(
             DriveView(
                 pose=drive.between(fraction).pose,
-                elapsed_s=self._clock.elapsed_s,
+                elapsed_s=self._attempts.clock.elapsed_s,
                 number=self._balls + 1,
                 count=self._config.balls,
                 needle=sample.wheel if sample.ok else None,
@@ -178,11 +166,26 @@ def _has_pedals(sample: DeviceSample) -> bool:
     return sample.throttle is not None and sample.brake is not None
 
 
-class Nowhere:
-    """Practice is not recorded."""
+class Unrecorded:
+    """Practice is not recorded: a recorder, and the record of each attempt, that keep nothing."""
+
+    attempt = order = 0
+
+    def begin(self, drive: Drive) -> "Unrecorded":
+        """The next attempt."""
+        return self
 
     def step(self, step: LabelledStep, timing: StepTiming | None) -> None:
         """Forget it."""
+
+    def event(self, step: int, what: str) -> None:
+        """Forget it."""
+
+    def finish(self, failed: Sequence[TimingViolation]) -> None:
+        """Nothing to keep."""
+
+    def abandon(self, reason: str) -> None:
+        """Nothing to keep."""
 
 
 @contextmanager

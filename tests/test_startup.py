@@ -20,7 +20,6 @@ WITH_NETWORKS = {
     "sim": [],
     "teleop": [],
     "study": [
-        "teaching.episodes",
         "teaching.human_interface",
         "teaching.live_round",
         "teaching.run_teaching",
@@ -30,40 +29,32 @@ WITH_NETWORKS = {
     "analysis": [],
     "app": [
         "fit",
-        "fit_report",
         "population_run",
         "simulate",
-        "simulation_report",
         "synthetic",
         "teach",
         "teach_config",
         "teach_people",
         "teach_shards",
         "teach_units",
-        "teach_worker",
     ],
 }
 NOT_ALWAYS_INSTALLED = ["steerlab.sim.engine.drive_to_ball"]  # the extra dm-control
-WITH_STATISTICS_OR_FIGURES = ["analyze", "power", "teach_recordings"]
+WITH_STATISTICS_OR_FIGURES = ["analyze", "power"]
 LEARNING_WITHOUT_NETWORKS = [
     "steerlab.learning." + name
     for name in (
         "certainty",
         "empirical_bayes.mapper",
-        "folds",
         "label_file",
         "label_quality",
         "label_table",
-        "people",
-        "pretrained.drive",
-        "pretrained.people",
         "pretrained.style",
         "pretrained.teachers",
-        "pretrained.true_style",
         "probe",
         "series",
         "splits",
-        "synthetic.demonstrators",
+        "synthetic.drives",
     )
 ]
 MAPPERS = [
@@ -123,7 +114,7 @@ def test_what_needs_no_network_brings_no_torch(layer):
 
 def test_records_teachers_and_the_store_compile_nothing():
     """Planning needs numba and driving MuJoCo; the rest of ``sim`` neither."""
-    drives = ("engine.", "ground_truth.", "calibration_generator", "recorder", "tasks", "wizard")
+    drives = ("engine.", "ground_truth.", "calibration_generator", "tasks", "wizard")
     plain = [one for one in _modules("sim", []) if not one.startswith(_under("sim", *drives))]
     plain += [one for one in _modules("study", []) if one.startswith(_under("study", "store."))]
     assert _brought(plain, ("numba", "mujoco", "scipy", "matplotlib", "torch")) == {}

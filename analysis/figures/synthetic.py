@@ -33,7 +33,7 @@ _SMALLEST_PT, _LARGEST_PT = 4.0, 15.0  # diameter of a point at no and at the la
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Demonstrators:
-    """People as points.
+    """A group of demonstrators, whom the figure shows as points.
 
     Attributes:
         gain: (people,) above 1 over-corrects, below 1 under-corrects.
@@ -59,7 +59,7 @@ class Demonstrators:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShownDrive:
-    """One drive's labels in degrees: by timing, the feedback of one demonstrator and it mapped."""
+    """One drive's labels in degrees: by timing, one demonstrator's feedback as given and as mapped."""
 
     t_s: FloatArray
     truth_deg: FloatArray
@@ -144,11 +144,11 @@ def _labels(axes: Axes, shown: ShownDrive, labels: Mapping[str, FloatArray]) -> 
 
 
 def _styles(axes: Axes, seen: Demonstrators, new: Demonstrators) -> None:
-    """Gain against shift; people of one shift are spread a little, or they would hide each other."""
+    """Gain against shift; people of equal shift are spread a little, so that none hides another."""
     for people, marker in ((seen, SEEN_MARKER), (new, NEW_MARKER)):
         offset = 0.02 * (np.arange(len(people.gain)) % 5 - 2)
         for timing, colour in TIMING_COLOURS.items():
-            rows = np.array([one == timing for one in people.timing])
+            rows = np.array(people.timing) == timing
             axes.plot(
                 people.gain[rows],
                 (people.delay_s + offset)[rows],

@@ -1,20 +1,41 @@
-"""Figures of a downstream comparison: learning curves, label error and label cost against success."""
+"""Figures of a downstream comparison: learning curves, error and cost of labels, drives, camera."""
 
+from base64 import b64decode
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import MaxNLocator, PercentFormatter
+from PIL import Image
 
-from steerlab.analysis.figures.learners import learner_looks, learner_name
-from steerlab.analysis.figures.look import PAPER, SMALL_PT, halo, new_figure, quiet
+from steerlab.analysis.figures.look import (
+    FAINT,
+    GREEN,
+    INK,
+    MUTED,
+    PAPER,
+    SMALL_PT,
+    TEXT_PT,
+    halo,
+    learner_looks,
+    new_figure,
+    quiet,
+)
+from steerlab.analysis.wording import learner_name
+from steerlab.sim.world import BALL_RADIUS_M, WorldSpec
 
 _MAIN = ("mind-meld", "oracle", "dagger", "bc")  # drawn on top, with their bands
 _LEGEND_COLUMNS = 4
 _LETTER_IN, _LINE_IN = 0.075, 0.17  # of a point's name
 _AXES_IN = (0.8, 0.65)  # what ticks and labels take of a figure
+
+_HALF_HIGH_M = 24.0  # of the map that is shown on either side of the way to the ball
+_MARGIN_M = 6.0
 
 Point = tuple[float, float]
 """A teacher's label error and final success with one learner."""
@@ -32,8 +53,8 @@ def curve_figure(conditions: Mapping[str, Any]) -> Figure:
     for axes, key, label in zip(
         panels, ("success", "final_distance_m"), ("success", "final distance (m)"), strict=True
     ):
-        for name, found in conditions.items():
-            rows = [row for row in found["by_round"] if row[key] is not None]
+        for name, condition in conditions.items():
+            rows = [row for row in condition["by_round"] if row[key] is not None]
             rounds, values = [row["round"] for row in rows], [row[key] for row in rows]
             look, front = looks[name], 4 if name in _MAIN else 3
             axes.plot(
@@ -66,7 +87,10 @@ def cost_figure(conditions: Mapping[str, Any]) -> Figure:
     """What a learner asked of its teacher, and how well it then drove."""
     figure = _point_figure(len(conditions))
     axes = figure.add_subplot()
-    means = {name: (one["labels_asked"], one["success"]) for name, one in conditions.items()}
+    means = {
+        name: (condition["labels_asked"], condition["success"])
+        for name, condition in conditions.items()
+    }
     _success_axes(axes, "labels asked of a teacher, all rounds")
     axes.set_xlim(0.0, 1.25 * max(x for x, _ in means.values()))
     _named_points(figure, axes, means)
@@ -84,12 +108,12 @@ def error_figure(conditions: Mapping[str, Any], people: Mapping[str, Sequence[Po
     axes = figure.add_subplot()
     looks = learner_looks(list(conditions))
     means: dict[str, Point] = {}
-    for name, found in conditions.items():
-        if found["label_mae"] is None:
+    for name, condition in conditions.items():
+        if condition["label_mae"] is None:
             continue
         error, success = np.array(people[name]).T
         axes.plot(error, success, "o", color=looks[name].colour, markersize=3, alpha=0.35)
-        means[name] = (found["label_mae"], found["success"])
+        means[name] = (condition["label_mae"], condition["success"])
     _success_axes(axes, "label error in the rounds (wheel units)")
     axes.set_xlim(left=-0.05)
     _named_points(figure, axes, means)
@@ -97,7 +121,7 @@ def error_figure(conditions: Mapping[str, Any], people: Mapping[str, Sequence[Po
 
 
 def _point_figure(points: int) -> Figure:
-    """Wider where many names must find a place."""
+    """An empty figure; wider where there are many names to write."""
     return new_figure(4.6 if points <= 6 else 8.6, 3.7)
 
 
@@ -123,21 +147,18 @@ def _named_points(figure: Figure, axes: Axes, means: Mapping[str, Point]) -> Non
         )  # fmt: skip
         text = learner_name(name)
         half = np.array((_LETTER_IN * len(text), _LINE_IN)) / axes_in / 2.0
-        place = min(_places(spot, half), key=lambda at: _crowding(at, half, spot, taken))
-        taken.append((place, half))
+        centre = min(_name_centres(spot, half), key=lambda at: _crowding(at, half, spot, taken))
+        taken.append((centre, half))
         axes.text(
-            float(place[0]), float(place[1]), text, transform=axes.transAxes, size=SMALL_PT, color=looks[name].colour,
-            ha="center", va="center", path_effects=halo(), zorder=6,
+            float(centre[0]), float(centre[1]), text, transform=axes.transAxes, size=SMALL_PT,
+            color=looks[name].colour, ha="center", va="center", path_effects=halo(), zorder=6,
         )  # fmt: skip
 
 
-def _places(spot: np.ndarray, half: np.ndarray) -> list[np.ndarray]:
-    """Centres of a name beside, above and below its point, nearer ones first."""
-    found: list[np.ndarray] = []
-    for off in (0.024, 0.06, 0.11):
-        for x, y in ((1, 0), (0, 1), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
-            found.append(spot + np.array((x * (half[0] + off), y * (half[1] + off))))
-    return found
+def _name_centres(spot: np.ndarray, half: np.ndarray) -> list[np.ndarray]:
+    """Where a name's centre may be: beside, above and below its point, nearer ones first."""
+    sides = ((1, 0), (0, 1), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
+    return [spot + side * (half + off) for off in (0.024, 0.06, 0.11) for side in np.array(sides)]
 
 
 def _crowding(
@@ -146,10 +167,88 @@ def _crowding(
     spot: np.ndarray,
     taken: Sequence[tuple[np.ndarray, np.ndarray]],
 ) -> float:
-    """Overlap with what is there and with the frame, then distance from the point."""
+    """Cost of a name at ``at``: overlap with what is there and with the frame, then distance."""
     covered = 0.0
     for centre, size in taken:
         overlap = np.clip(half + size - np.abs(at - centre), 0.0, None)
         covered += float(np.prod(overlap))
     outside = float(np.clip(half - at, 0.0, None).sum() + np.clip(at + half - 1.0, 0.0, None).sum())
     return 100.0 * covered + 50.0 * outside + float(np.hypot(*(at - spot)))
+
+
+def path_figure(world: WorldSpec, conditions: Mapping[str, Sequence[Any]]) -> Figure:
+    """Where each condition's car went while it was taught: one teacher, pale to dark by round.
+
+    Args:
+        conditions: by name, the rounds of one learner as a shard holds them.
+    """
+    columns = 2 if len(conditions) in (2, 4) else min(3, len(conditions))
+    rows = -(-len(conditions) // columns)
+    figure = new_figure(8.6, (5.1 / columns + 0.05) * rows + 0.2)
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for axes in grid[len(conditions) :]:
+        axes.set_axis_off()
+    looks = learner_looks(list(conditions))
+    for axes, (name, rounds) in zip(grid, conditions.items(), strict=False):
+        _draw_world(axes, world)
+        shade = LinearSegmentedColormap.from_list("", (FAINT, looks[name].colour))
+        for row in rounds:
+            path = np.array(row["path_m"])
+            colour = shade(0.15 + 0.85 * row["round"] / max(1, rounds[-1]["round"]))
+            axes.plot(*path.T, color=colour, linewidth=1.2)
+            if row["outcome"] == "block_hit":
+                axes.plot(*path[-1], "x", color=INK, markersize=5, markeredgewidth=1.2, zorder=5)
+        axes.set_title(learner_name(name), size=TEXT_PT, color=INK, loc="left")
+        quiet(axes)
+        axes.tick_params(labelsize=SMALL_PT - 1.0)
+    return figure
+
+
+def contact_figure(conditions: Mapping[str, Sequence[str]]) -> Figure:
+    """What the camera saw in one drive of each learner; policies see what is between the lines.
+
+    Args:
+        conditions: by name, base64 of PNG, in the order of the drive.
+    """
+    columns = max(len(frames) for frames in conditions.values())
+    figure = new_figure(8.6, 1.24 * len(conditions) + 0.25)
+    grid = figure.subplots(len(conditions), columns, squeeze=False)
+    for axes_row, (name, frames) in zip(grid, conditions.items(), strict=True):
+        for axes, frame in zip(axes_row, frames, strict=False):
+            with Image.open(BytesIO(b64decode(frame))) as image:
+                pixels = np.asarray(image)
+            axes.imshow(pixels, interpolation="nearest")
+            for edge in (0.25, 0.75):
+                axes.axhline(edge * len(pixels) - 0.5, color="white", linewidth=0.8, alpha=0.8)
+        for axes in axes_row:
+            axes.set_xticks([])
+            axes.set_yticks([])
+            for spine in axes.spines.values():
+                spine.set_visible(False)
+        axes_row[0].set_ylabel(
+            learner_name(name).replace(", ", ",\n"),
+            size=SMALL_PT, rotation=0, ha="right", va="center", color=INK,
+        )  # fmt: skip
+    for axes, text in ((grid[0][0], "start"), (grid[0][-1], "end")):
+        axes.set_title(text, size=SMALL_PT, color=MUTED)
+    return figure
+
+
+def _draw_world(axes: Axes, world: WorldSpec) -> None:
+    """Blocks and ball; the map is cut to the way from start to ball."""
+    for block in world.blocks:
+        corner = (block.x_m - block.half_x_m, block.y_m - block.half_y_m)
+        size = 2.0 * block.half_x_m, 2.0 * block.half_y_m
+        axes.add_patch(Rectangle(corner, *size, facecolor=MUTED))
+    axes.add_patch(Circle(world.ball_xy_m, BALL_RADIUS_M, facecolor=GREEN, zorder=4))
+    start, (ball_x_m, ball_y_m) = world.start, world.ball_xy_m
+    low_m, high_m = sorted((start.x_m, ball_x_m))
+    bottom_m, top_m = sorted((start.y_m, ball_y_m))
+    axes.set(
+        xlim=(low_m - _MARGIN_M, high_m + _MARGIN_M),
+        ylim=(
+            min(bottom_m - _MARGIN_M, (bottom_m + top_m) / 2.0 - _HALF_HIGH_M),
+            max(top_m + _MARGIN_M, (bottom_m + top_m) / 2.0 + _HALF_HIGH_M),
+        ),
+    )
+    axes.set_aspect("equal", adjustable="box")

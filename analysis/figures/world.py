@@ -17,11 +17,11 @@ from steerlab.analysis.figures.look import (
     SMALL_PT,
     TEXT_PT,
     VERMILLION,
+    clearest_spot,
     halo,
     new_figure,
     quiet,
 )
-from steerlab.analysis.figures.placement import clearest_spot
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import BALL_RADIUS_M, WorldSpec
@@ -152,7 +152,7 @@ def _write_labels(
 
 
 def _spots(anchors: FloatArray, width_m: float, line_m: float, off_m: float) -> FloatArray:
-    """Label centres just beside a line or a thing, not at a line's very ends."""
+    """Label centres just beside a line or an object, not at the ends of a line."""
     if len(anchors) > 2:
         at = np.linspace(0.05, 0.9, 24) * (len(anchors) - 1)
         anchors = anchors[at.astype(int)]
@@ -169,7 +169,7 @@ def _beginning(points: FloatArray) -> FloatArray:
 
 
 def _dense(points: FloatArray, spacing_m: float = 1.0) -> FloatArray:
-    """The path at even spacing; a straight leg would otherwise have no point to keep clear of."""
+    """The path at even spacing, so that labels keep clear of its straight legs too."""
     lengths = np.hypot(*np.diff(points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     at = np.arange(0.0, along[-1] + spacing_m, spacing_m)

@@ -12,7 +12,7 @@ _TWELVE = 12.0  # rollouts with which ``HOLDING`` was measured
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """A style parameter correlates with the trait behind a questionnaire's scale.
+    """A planted correlation of a style parameter with the trait behind a questionnaire's scale.
 
     Attributes:
         scale: what it is called.
@@ -47,7 +47,7 @@ class Effect:
 
 @dataclass(frozen=True, kw_only=True)
 class ConditionMean:
-    """What share of drives reaches the ball under a condition, for a person of average skill."""
+    """The share of drives that reach the ball under a condition, for a person of average skill."""
 
     name: str
     success: float
@@ -109,7 +109,7 @@ is mostly how people differ besides gain and delay, so this is cautious."""
 
 @dataclass(frozen=True, kw_only=True)
 class PowerDesign:
-    """Everything that decides the results; how many processes share the work does not.
+    """The settings that decide the results of a power analysis.
 
     Attributes:
         people: sample sizes to try, rising.
@@ -171,19 +171,19 @@ class PowerDesign:
             if not getattr(self, name) >= 0.0:
                 raise InvalidConfig(f"{name} is {getattr(self, name)}; it must be at least 0.")
         self._check_effects()
-        names = [one.name for one in self.conditions]
+        names = [condition.name for condition in self.conditions]
         if len(set(names)) != len(names) or len(names) == 1:
             raise InvalidConfig(f"conditions is {names}; name two or more, each once.")
         if names and self.ours not in names:
             raise InvalidConfig(f"ours is {self.ours!r}; it must be one of {', '.join(names)}.")
 
     def _check_effects(self) -> None:
-        scales = {one.scale for one in self.effects}
+        scales = {effect.scale for effect in self.effects}
         for scale in scales:
-            mine = [one for one in self.effects if one.scale == scale]
-            if len({one.style for one in mine}) != len(mine):
+            of_scale = [effect for effect in self.effects if effect.scale == scale]
+            if len({effect.style for effect in of_scale}) != len(of_scale):
                 raise InvalidConfig(f"Two effects tie {scale} to one style; keep one.")
-            if sum(one.r**2 for one in mine) > 1.0:
+            if sum(effect.r**2 for effect in of_scale) > 1.0:
                 raise InvalidConfig(
                     f"The effects on {scale} explain more than all of it; lower their r."
                 )
@@ -191,20 +191,20 @@ class PowerDesign:
     @property
     def scales(self) -> tuple[str, ...]:
         """Planted scales, in the order given."""
-        return tuple(dict.fromkeys(one.scale for one in self.effects))
+        return tuple(dict.fromkeys(effect.scale for effect in self.effects))
 
     @property
     def error_factor(self) -> float:
-        """Variance of what w and metrics miss, against that after twelve rollouts."""
+        """Error variance of w and metrics, relative to that after twelve rollouts."""
         return 1.0 - AVERAGED_OUT + AVERAGED_OUT * _TWELVE / self.rollouts
 
     @property
     def holding(self) -> Holding:
-        """Of the population."""
+        """How well w and metrics hold the styles of the population."""
         return HOLDING[self.noise]
 
     def identity(self) -> dict[str, Any]:
-        """What must be equal for a run to be continued: all but sample sizes and their number."""
+        """Settings that must be equal for a run to be continued: all but ``people`` and ``studies``."""
         values = asdict(self)
         del values["people"], values["studies"]
         return values

@@ -14,6 +14,7 @@ What is simulated, and what is assumed:
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.special import expit, logit
@@ -23,14 +24,15 @@ from steerlab.analysis.power_study.design import PowerDesign
 from steerlab.analysis.statistics.corrections import holm
 from steerlab.analysis.statistics.outcome import NotComputable
 from steerlab.analysis.statistics.paired import all_pairs, wilcoxon
-from steerlab.analysis.study_tables.comparison_hypothesis import RIVALS
-from steerlab.sim.arrays import FloatArray
-from steerlab.sim.rollout import BoolArray
+from steerlab.analysis.study_tables.hypotheses import RIVALS
+from steerlab.sim.arrays import BoolArray, FloatArray
 
 H3A, H3B = "H3a: amplitude and w", "H3b: lag and w"
 DIFFER, BETTER = "conditions differ (Friedman)", "better than each rival (Holm)"
 HOLM = ", Holm"
 NULL, ANY_NULL = "a scale without any effect", "any scale without an effect, Holm"
+BLOCK = 100
+"""Studies of a block: less than a second, so that little is lost when a run is stopped."""
 
 
 def simulate_correlations(
@@ -50,19 +52,21 @@ def simulate_correlations(
     def noise() -> FloatArray:
         return rng.standard_normal((studies, people))
 
-    found = {
+    p_values = {
         H3A: multiple_p(w, gain + missed(hold.metric_gain) * noise()),
         H3B: multiple_p(w, delay + missed(hold.metric_delay) * noise()),
     }
     for scale in design.scales:
-        mine = [one for one in design.effects if one.scale == scale]
-        trait = sum((one.r * (gain if one.style == "gain" else delay) for one in mine), 0.0)
-        trait = trait + np.sqrt(max(0.0, 1.0 - sum(one.r**2 for one in mine))) * noise()
+        effects = [effect for effect in design.effects if effect.scale == scale]
+        trait = sum(
+            (effect.r * (gain if effect.style == "gain" else delay) for effect in effects), 0.0
+        )
+        trait = trait + np.sqrt(max(0.0, 1.0 - sum(effect.r**2 for effect in effects))) * noise()
         score = np.sqrt(design.reliability) * trait + np.sqrt(1.0 - design.reliability) * noise()
-        found[scale] = multiple_p(w, score)
-    for number in range(design.family - len(found)):
-        found[f"{NULL} {number + 1}"] = multiple_p(w, noise())
-    return found
+        p_values[scale] = multiple_p(w, score)
+    for number in range(design.family - len(p_values)):
+        p_values[f"{NULL} {number + 1}"] = multiple_p(w, noise())
+    return p_values
 
 
 def multiple_p(w: FloatArray, score: FloatArray) -> FloatArray:
@@ -83,24 +87,24 @@ def reject_correlations(p: Mapping[str, FloatArray], alpha: float) -> dict[str, 
     """Rejections by test, uncorrected and after Holm over the family."""
     table = np.stack(list(p.values()), axis=1)
     corrected = np.apply_along_axis(holm, 1, table)
-    found: dict[str, BoolArray] = {}
+    rejected: dict[str, BoolArray] = {}
     nulls = [column for column, name in enumerate(p) if name.startswith(NULL)]
     for column, name in enumerate(p):
         if column in nulls:
             continue
-        found[name] = table[:, column] < alpha
-        found[f"{name}{HOLM}"] = corrected[:, column] < alpha
+        rejected[name] = table[:, column] < alpha
+        rejected[f"{name}{HOLM}"] = corrected[:, column] < alpha
     if nulls:  # one stands for all, and their family for the error of any kind
-        found[NULL] = table[:, nulls[0]] < alpha
-        found[ANY_NULL] = np.asarray((corrected[:, nulls] < alpha).any(axis=1))
-    return found
+        rejected[NULL] = table[:, nulls[0]] < alpha
+        rejected[ANY_NULL] = np.asarray((corrected[:, nulls] < alpha).any(axis=1))
+    return rejected
 
 
 def simulate_outcomes(
     design: PowerDesign, people: int, studies: int, rng: np.random.Generator
 ) -> FloatArray:
     """Shares of drives that reach the ball, (studies, people, conditions)."""
-    means = logit(np.array([one.success for one in design.conditions]))
+    means = logit(np.array([condition.success for condition in design.conditions]))
     person = design.person_sd * rng.standard_normal((studies, people, 1))
     both = design.interaction_sd * rng.standard_normal((studies, people, len(means)))
     return rng.binomial(design.starts, expit(means + person + both)) / design.starts
@@ -152,3 +156,36 @@ def friedman_p(outcomes: FloatArray) -> FloatArray:
     between = np.square(ranks.sum(axis=1)).sum(axis=1)
     w = np.divide(between, within * people, out=np.zeros(len(outcomes)), where=within > 0.0)
     return np.asarray(chi2.sf(w * people * (conditions - 1), conditions - 1))
+
+
+def run_block(
+    design: PowerDesign, people: int, number: int, taught: tuple[tuple[str, ...], FloatArray] | None
+) -> dict[str, int]:
+    """How many of ``BLOCK`` studies of ``people`` reject, by test.
+
+    The same design, size and number give the same counts, whatever else is run.
+
+    Args:
+        taught: conditions and outcomes (teachers, conditions) to draw people from, in place of the
+            outcome model.
+    """
+    rng = np.random.default_rng([design.seed, people, number])
+    rejected = reject_correlations(simulate_correlations(design, people, BLOCK, rng), design.alpha)
+    if taught is not None:
+        names, table = taught
+        outcomes = resample_outcomes(table, people, BLOCK, rng)
+        rejected |= reject_outcomes(outcomes, names, design.ours, design.alpha)
+    elif design.conditions:
+        outcomes = simulate_outcomes(design, people, BLOCK, rng)
+        names = tuple(condition.name for condition in design.conditions)
+        rejected |= reject_outcomes(outcomes, names, design.ours, design.alpha)
+    return {test: int(studies.sum()) for test, studies in rejected.items()}
+
+
+def add_up(blocks: list[Mapping[str, Any]]) -> dict[str, int]:
+    """Rejections of several blocks of one size."""
+    total: dict[str, int] = {}
+    for block in blocks:
+        for test, count in block.items():
+            total[test] = total.get(test, 0) + int(count)
+    return total

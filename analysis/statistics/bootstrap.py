@@ -1,7 +1,7 @@
-"""Percentile bootstrap over people, for statistics that are ratios of sums over people.
+"""Percentile bootstrap over people, for means and for ratios of sums over people.
 
-Whoever is drawn comes with everything they gave, so people are drawn, not single answers. Counts
-in place of rows make the resampled sums one product of matrices.
+People are drawn, each with all of their answers, not single answers. Counts in place of rows make
+the resampled sums one product of matrices.
 """
 
 import numpy as np
@@ -31,3 +31,11 @@ def percentile_interval(resampled: FloatArray, confidence: float) -> ConfidenceI
     tail = (1.0 - confidence) / 2.0
     low, high = np.quantile(resampled, [tail, 1.0 - tail])
     return ConfidenceInterval(low=float(low), high=float(high), confidence=confidence)
+
+
+def mean_interval(
+    values: FloatArray, rng: np.random.Generator, *, resamples: int = RESAMPLES
+) -> ConfidenceInterval:
+    """95 % interval of the mean of ``values`` (people,), one of each person."""
+    means = resample_counts(len(values), resamples, rng) @ values / len(values)
+    return percentile_interval(means, 0.95)

@@ -70,11 +70,11 @@ class MixedModel:
         Raises:
             InvalidConfig: a name is unknown.
         """
-        known = [one.name for one in self.coefficients]
+        known = [coefficient.name for coefficient in self.coefficients]
         if unknown := [name for name in names if name not in known]:
             raise InvalidConfig(f"No coefficient {unknown[0]!r}; choose from {known}.")
         at = [known.index(name) for name in names]
-        estimate = np.array([self.coefficients[one].estimate for one in at])
+        estimate = np.array([self.coefficients[index].estimate for index in at])
         statistic = float(estimate @ np.linalg.solve(self.covariance[np.ix_(at, at)], estimate))
         statistic /= len(at)
         freedom = self.coefficients[at[0]].freedom
@@ -110,7 +110,7 @@ def mixed_model(
     wrong = [name for name, column in columns.items() if len(column) != len(y)]
     if wrong or len(person) != len(y):
         raise InvalidConfig(f"y has {len(y)} rows; {wrong or 'person'} has another number.")
-    rows = np.column_stack([np.ones(len(y)), *(checked(*one) for one in columns.items()), y])
+    rows = np.column_stack([np.ones(len(y)), *(checked(*column) for column in columns.items()), y])
     people, group = np.unique(person, return_inverse=True)
     freedom = len(y) - len(people) - len(columns)
     if missing := too_few(len(people)):

@@ -145,19 +145,23 @@ def several_embeddings(
     """
     construct = checked("construct", construct)
     checked_confidence(confidence)
-    if not embeddings or any(len(one) != len(construct) for one in embeddings):
+    if not embeddings or any(len(embedding) != len(construct) for embedding in embeddings):
         raise InvalidConfig(
-            f"{[len(one) for one in embeddings]} people in embeddings and {len(construct)} in the "
+            f"{[len(embedding) for embedding in embeddings]} people in embeddings and {len(construct)} in the "
             "construct; give one embedding or more, each of the same people."
         )
-    embeddings = [checked("embedding", one, 2) for one in embeddings]
-    sizes = [one.shape[1] for one in embeddings]
+    embeddings = [checked("embedding", embedding, 2) for embedding in embeddings]
+    sizes = [embedding.shape[1] for embedding in embeddings]
     if missing := _too_few_or_flat(construct, max(sizes)):
         return missing
-    for number, one in enumerate(embeddings, start=1):
-        if missing := dependent(one):
+    for number, embedding in enumerate(embeddings, start=1):
+        if missing := dependent(embedding):
             return NotComputable(reason=f"network {number}: {missing.reason}")
-    n, bases, centred = len(construct), [basis_of(one) for one in embeddings], _unit(construct)
+    n, bases, centred = (
+        len(construct),
+        [basis_of(embedding) for embedding in embeddings],
+        _unit(construct),
+    )
     each = [min(1.0, float(explained_by(basis, centred))) for basis in bases]
     shuffled = permuted(centred, permutations, rng)
     of_chance = np.mean([explained_by(basis, shuffled) for basis in bases], axis=0)
@@ -172,8 +176,8 @@ def several_embeddings(
         lowest=sqrt(min(each)),
         highest=sqrt(max(each)),
         interval=ConfidenceInterval(
-            low=min(one.low for one in intervals),
-            high=max(one.high for one in intervals),
+            low=min(interval.low for interval in intervals),
+            high=max(interval.high for interval in intervals),
             confidence=confidence,
         ),
         n=n,

@@ -148,9 +148,9 @@ def mcnemar(
         return NotComputable(reason=_NOBODY)
     result = binomtest(more, more + less)
     share = result.proportion_ci(confidence, method="exact")
-    one, other = (more + 1) / (n + 2), (less + 1) / (n + 2)
+    up, down = (more + 1) / (n + 2), (less + 1) / (n + 2)  # adjusted shares
     half = float(ndtri(0.5 + confidence / 2.0))
-    half *= sqrt((one + other - (one - other) ** 2) / (n + 2))
+    half *= sqrt((up + down - (up - down) ** 2) / (n + 2))
     return McNemar(
         only_first=more,
         only_second=less,
@@ -161,8 +161,8 @@ def mcnemar(
         ),
         difference=(more - less) / n,
         difference_interval=ConfidenceInterval(
-            low=max(-1.0, one - other - half),
-            high=min(1.0, one - other + half),
+            low=max(-1.0, up - down - half),
+            high=min(1.0, up - down + half),
             confidence=confidence,
         ),
         n=n,
@@ -187,7 +187,9 @@ def all_pairs(
     pairs = list(combinations(range(len(conditions)), 2))
     tests = [test(table[:, first], table[:, second]) for first, second in pairs]
     adjusted = iter(
-        holm(np.array([one.p for one in tests if not isinstance(one, NotComputable)])).tolist()
+        holm(
+            np.array([result.p for result in tests if not isinstance(result, NotComputable)])
+        ).tolist()
     )
     return [
         ConditionPair(

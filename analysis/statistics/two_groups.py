@@ -24,9 +24,8 @@ from steerlab.analysis.statistics.outcome import (
     flat,
     too_few,
 )
-from steerlab.sim.arrays import FloatArray
+from steerlab.sim.arrays import BoolArray, FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import BoolArray
 
 FEWEST_IN_GROUP = 2
 _ALIKE = "nobody differs within a group, so chance has no measure"

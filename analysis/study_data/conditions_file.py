@@ -1,4 +1,4 @@
-"""Outcomes of conditions: from a table of one's own, or from the shards of ``steerlab teach``."""
+"""Outcomes of conditions, from a table or from the folder of a ``steerlab teach`` run."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,8 +9,7 @@ import pyarrow as pa
 import pyarrow.csv as pv
 import pyarrow.parquet as pq
 
-from steerlab.analysis.study_data.errors import NotAStudy
-from steerlab.analysis.study_data.records import ConditionValue, Exclusion
+from steerlab.analysis.study_data.records import ConditionValue, Exclusion, NotAStudy
 from steerlab.analysis.study_data.teach_shard import TeachShard, read_teach_shard
 from steerlab.sim.errors import InvalidConfig
 
@@ -26,7 +25,7 @@ def read_conditions(path: Path) -> tuple[ConditionValue, ...]:
     ``position`` may give the condition's place in the participant's order, from 0.
 
     Raises:
-        NotAStudy: it is neither, a column is missing, or a value is not what it must be.
+        NotAStudy: it is neither, a column is missing, or a value is not allowed.
     """
     if path.is_dir():
         return _of_shards(path)
@@ -38,8 +37,8 @@ def read_conditions(path: Path) -> tuple[ConditionValue, ...]:
 
 
 def left_out_teachers(path: Path) -> tuple[Exclusion, ...]:
-    """Teachers of a ``steerlab teach`` run who could not be judged, and why; of a table nobody."""
-    shards = [_shard(one) for one in sorted((path / "teachers").glob("*.json"))]
+    """Teachers of a ``steerlab teach`` run who could not be judged, and why; none for a table."""
+    shards = [_shard(file) for file in sorted((path / "teachers").glob("*.json"))]
     return tuple(
         Exclusion(what="teacher", who=shard.teacher, why=shard.left_out[0].why)
         for shard in shards
@@ -54,30 +53,30 @@ def _of_table(table: pa.Table, path: Path) -> tuple[ConditionValue, ...]:
         raise NotAStudy(f"{path} lacks {', '.join(missing)}; it needs {_EXAMPLE}.")
     if not metrics:
         raise NotAStudy(f"{path} has {', '.join(names)}; it needs {_EXAMPLE}.")
-    found: list[ConditionValue] = []
+    values: list[ConditionValue] = []
     seen: set[tuple[str, str, int]] = set()
     for line, row in enumerate(table.to_pylist(), start=2):
-        place = f"{path}, row {line}"
-        key = (_text(row, "participant", place), _text(row, "condition", place))
-        round_ = _whole(row["round"], "round", place)
+        where = f"{path}, row {line}"
+        key = (_text(row, "participant", where), _text(row, "condition", where))
+        round_ = _whole(row["round"], "round", where)
         if (*key, round_) in seen:
-            raise NotAStudy(f"{place}: {key[0]!r} has {key[1]!r} in round {round_} twice.")
+            raise NotAStudy(f"{where}: {key[0]!r} has {key[1]!r} in round {round_} twice.")
         seen.add((*key, round_))
         position = row.get("position")
         for metric in metrics:
             if row[metric] is None:
                 continue
-            found.append(
+            values.append(
                 ConditionValue(
                     person=key[0],
                     condition=key[1],
                     metric=metric,
-                    value=_number(row[metric], metric, place),
+                    value=_number(row[metric], metric, where),
                     round=round_,
-                    position=None if position is None else _whole(position, "position", place),
+                    position=None if position is None else _whole(position, "position", where),
                 )
             )
-    return tuple(found)
+    return tuple(values)
 
 
 def _of_shards(folder: Path) -> tuple[ConditionValue, ...]:
@@ -88,7 +87,7 @@ def _of_shards(folder: Path) -> tuple[ConditionValue, ...]:
             f"{folder} has no teachers/*.json; give the folder of a steerlab teach run, or a .csv "
             f"or .parquet table with {_EXAMPLE}."
         )
-    return tuple(one for path in paths for one in _of_shard(_shard(path)))
+    return tuple(value for path in paths for value in _of_shard(_shard(path)))
 
 
 def _shard(path: Path) -> TeachShard:
@@ -101,14 +100,14 @@ def _shard(path: Path) -> TeachShard:
 def _of_shard(shard: TeachShard) -> list[ConditionValue]:
     if shard.left_out:
         return []
-    found: list[ConditionValue] = []
+    outcomes: list[ConditionValue] = []
     for condition, seeds in shard.conditions.items():
-        for rows in zip(*(one.by_round for one in seeds.values()), strict=True):
+        for rows in zip(*(taught.by_round for taught in seeds.values()), strict=True):
             for metric in METRICS:
                 values = [getattr(row, metric) for row in rows]
                 known = [value for value in values if value is not None]
                 if known:
-                    found.append(
+                    outcomes.append(
                         ConditionValue(
                             person=shard.teacher,
                             condition=condition,
@@ -117,27 +116,27 @@ def _of_shard(shard: TeachShard) -> list[ConditionValue]:
                             round=rows[0].round,
                         )
                     )
-    return found
+    return outcomes
 
 
-def _text(row: Mapping[str, Any], name: str, place: str) -> str:
+def _text(row: Mapping[str, Any], name: str, where: str) -> str:
     value = row[name]
     if value is None or not str(value).strip():
-        raise NotAStudy(f"{place}: {name} is empty; every row needs one.")
+        raise NotAStudy(f"{where}: {name} is empty; every row needs one.")
     return str(value)
 
 
-def _whole(value: Any, name: str, place: str) -> int:
+def _whole(value: Any, name: str, where: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise NotAStudy(f"{place}: {name} is {value!r}; it must be a whole number from 0.")
+        raise NotAStudy(f"{where}: {name} is {value!r}; it must be a whole number from 0.")
     return value
 
 
-def _number(value: Any, name: str, place: str) -> float:
+def _number(value: Any, name: str, where: str) -> float:
     if isinstance(value, bool):
         return float(value)
     if not isinstance(value, int | float) or not np.isfinite(value):
-        raise NotAStudy(f"{place}: {name} is {value!r}; it must be a finite number, or empty.")
+        raise NotAStudy(f"{where}: {name} is {value!r}; it must be a finite number, or empty.")
     if name == "success" and not 0.0 <= value <= 1.0:
-        raise NotAStudy(f"{place}: success is {value}; it must be from 0 to 1.")
+        raise NotAStudy(f"{where}: success is {value}; it must be from 0 to 1.")
     return float(value)

@@ -6,21 +6,20 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from steerlab.analysis.study_data.errors import NotAStudy
-from steerlab.analysis.study_data.networks import Progress, embeddings_of, judge, network_for
-from steerlab.analysis.study_data.records import Embeddings, HeldOut, Person, StudyData
+from steerlab.analysis.study_data.networks import Progress, embeddings_of, judge_both, network_for
+from steerlab.analysis.study_data.records import Embeddings, HeldOut, NotAStudy, Person, StudyData
 from steerlab.analysis.summary import Summary
 from steerlab.learning.series import LabelSeries, series_from_table
 from steerlab.learning.splits import split_rollouts, split_study
 from steerlab.sim.errors import InvalidConfig
 
 LABELS, MODEL, SUMMARY = "labels", "models/mind_meld.safetensors", "summary.json"
-_SPLITS = {"seen": "training", "new": "test"}
+_SPLITS = ("seen", "new")
 
 
 def is_population_run(folder: Path) -> bool:
-    """Whether ``folder`` is one."""
-    return all((folder / LABELS / f"{split}.parquet").is_file() for split in _SPLITS)
+    """Whether ``folder`` is a population run: it has both label files."""
+    return all((folder / LABELS / f"{name}.parquet").is_file() for name in _SPLITS)
 
 
 def read_population(folder: Path, *, networks: int, progress: Progress) -> StudyData:
@@ -38,11 +37,11 @@ def read_population(folder: Path, *, networks: int, progress: Progress) -> Study
         summary = Summary.from_json((folder / SUMMARY).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, InvalidConfig) as error:
         raise NotAStudy(f"{folder / SUMMARY} cannot be read: {error}") from error
-    series = {split: _series(folder / LABELS / f"{split}.parquet") for split in _SPLITS}
-    people = {split: list(dict.fromkeys(one.person for one in series[split])) for split in _SPLITS}
+    series = {name: _series(folder / LABELS / f"{name}.parquet") for name in _SPLITS}
+    people = {name: list(dict.fromkeys(s.person for s in series[name])) for name in _SPLITS}
     everyone = (*series["seen"], *series["new"])
-    rollouts = sorted({one.rollout for one in everyone})  # the calibration set's own order
-    parts = split_study(everyone, split_rollouts(rollouts), people["new"])
+    rollouts = sorted({labels.rollout for labels in everyone})  # the calibration set's own order
+    split = split_study(everyone, split_rollouts(rollouts), people["new"])
     first = load_mapper(folder / MODEL)
     embeddings: list[Embeddings] = []
     held_out: list[HeldOut] = []
@@ -52,25 +51,21 @@ def read_population(folder: Path, *, networks: int, progress: Progress) -> Study
             first
             if number == 0
             else network_for(
-                parts, first.config, seed=seed, cache=folder / "models", progress=progress
+                split, first.config, seed=seed, cache=folder / "models", progress=progress
             )
         )
         source = "the run's network" if number == 0 else f"trained anew with seed {seed}"
-        found = embeddings_of(mapper, people["seen"], seed=seed, source=source)
-        embeddings += [] if found is None else [found]
-        judged = (
-            judge(mapper, parts.held_out_seen, seed=seed, role="training"),
-            judge(mapper, parts.held_out_new, seed=seed, role="test"),
-        )
-        held_out += [one for one in judged if one is not None]
+        w = embeddings_of(mapper, people["seen"], seed=seed, source=source)
+        embeddings += [] if w is None else [w]
+        held_out += judge_both(mapper, split, seed=seed)
     return StudyData(
         kind="population run",
         title=f"Simulated study, {summary.noise} noise, seed {summary.seed}",
         simulated=True,
         people=tuple(
-            Person(id=person, role="training" if split == "seen" else "test")
-            for split in _SPLITS
-            for person in people[split]
+            Person(id=person, role="training" if name == "seen" else "test")
+            for name in _SPLITS
+            for person in people[name]
         ),
         series=everyone,
         embeddings=tuple(embeddings),

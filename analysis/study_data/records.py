@@ -1,4 +1,4 @@
-"""``StudyData``: everything that is analysed, of a human study, a scripted one or a population run."""
+"""``StudyData``: what is analysed, whether of a human study, a scripted one or a population run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,21 +9,25 @@ import numpy.typing as npt
 
 from steerlab.learning.series import LabelSeries
 from steerlab.sim.arrays import FloatArray
-from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.errors import InvalidConfig, SteerlabError
 from steerlab.study.surveys.answer_format import Value
 from steerlab.study.surveys.questionnaire import Questionnaire
 
 Role = Literal["training", "test"]
-"""Training participants teach the mapper; a population run's seen people are such."""
+"""Training participants teach the mapper, as do the seen people of a population run."""
+
+
+class NotAStudy(SteerlabError):
+    """A folder or a file holds nothing that can be analysed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Person:
-    """Someone whose data count.
+    """A participant whose data count.
 
     Attributes:
-        answers: by questionnaire and item, of the questionnaires about nobody's condition.
-        order: condition keys in the order in which they were met.
+        answers: by questionnaire and item, of the questionnaires that are not about a condition.
+        order: keys of the conditions in the participant's order.
         latency_s: of the device; None if it was not measured.
         steered_with: kinds of device.
     """
@@ -87,7 +91,7 @@ class HeldOut:
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedHypothesis:
-    """What was expected before anything was seen."""
+    """A hypothesis of the analysis plan, as it is worded there."""
 
     id: str
     text: str
@@ -177,7 +181,3 @@ class StudyData:
     def of_role(self, role: Role) -> tuple[Person, ...]:
         """People of a role."""
         return tuple(person for person in self.people if person.role == role)
-
-    def series_of(self, person: str) -> tuple[LabelSeries, ...]:
-        """A person's labels."""
-        return tuple(one for one in self.series if one.person == person)

@@ -1,7 +1,7 @@
-"""What ``steerlab teach`` keeps of one teacher: a JSON file, as records.
+"""The JSON file that ``steerlab teach`` keeps for each teacher, as records.
 
-The command writes it in plain values (``app/teach_shards.py``) and reads it by these records, so
-that whatever else reads a run finds in it what was written.
+``app/teach_shards.py`` writes it as plain values and reads it back by these records, and so does
+everything else that reads a run.
 """
 
 from collections.abc import Mapping
@@ -85,8 +85,8 @@ class TeachShard:
     conditions: Mapping[str, Mapping[int, TaughtSeed]]
 
     def __post_init__(self) -> None:
-        taught = [one for seeds in self.conditions.values() for one in seeds.values()]
-        rounds = sorted({tuple(row.round for row in one.by_round) for one in taught})
+        taught = [seed for seeds in self.conditions.values() for seed in seeds.values()]
+        rounds = sorted({tuple(row.round for row in seed.by_round) for seed in taught})
         if len(rounds) > 1:
             raise InvalidValue("conditions", rounds, "of the same rounds throughout")
 

@@ -5,12 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from steerlab.analysis.statistics.bootstrap import (
-    RESAMPLES,
-    percentile_interval,
-    resample_counts,
-)
-from steerlab.analysis.statistics.mixed_model import MixedModel, mixed_model
+from steerlab.analysis.statistics.bootstrap import mean_interval
+from steerlab.analysis.statistics.mixed_model import mixed_model
 from steerlab.analysis.statistics.omnibus import cochran_q, friedman, repeated_measures
 from steerlab.analysis.statistics.outcome import NotComputable, too_few
 from steerlab.analysis.statistics.paired import all_pairs, mcnemar, wilcoxon
@@ -28,10 +24,12 @@ def conditions(data: StudyData, *, seed: int) -> dict[str, Any]:
     """By metric: means and curves, the tests over all conditions, and Holm-corrected pairs."""
     if not data.conditions:
         return {"metrics": {}, "why_empty": NO_CONDITIONS}
-    metrics = dict.fromkeys(one.metric for one in data.conditions)
+    metrics = dict.fromkeys(value.metric for value in data.conditions)
     return {
         "metrics": {
-            metric: _metric([one for one in data.conditions if one.metric == metric], metric, seed)
+            metric: _metric(
+                [value for value in data.conditions if value.metric == metric], metric, seed
+            )
             for metric in metrics
         }
     }
@@ -41,21 +39,21 @@ def outcome_table(
     values: Sequence[ConditionValue], metric: str
 ) -> dict[tuple[str, str], tuple[float, int | None]]:
     """By person and condition, the value that is tested and the condition's place in the order."""
-    last = max((one.round for one in values if one.round is not None), default=None)
-    several: dict[tuple[str, str], list[ConditionValue]] = {}
-    for one in values:
-        if (one.round != 0) if metric in OVER_ROUNDS else (one.round == last):
-            several.setdefault((one.person, one.condition), []).append(one)
+    last = max((value.round for value in values if value.round is not None), default=None)
+    by_key: dict[tuple[str, str], list[ConditionValue]] = {}
+    for value in values:
+        if (value.round != 0) if metric in OVER_ROUNDS else (value.round == last):
+            by_key.setdefault((value.person, value.condition), []).append(value)
     return {
-        key: (float(np.mean([one.value for one in found])), found[0].position)
-        for key, found in several.items()
+        key: (float(np.mean([v.value for v in rounds])), rounds[0].position)
+        for key, rounds in by_key.items()
     }
 
 
 def _metric(values: Sequence[ConditionValue], metric: str, seed: int) -> dict[str, Any]:
-    names = list(dict.fromkeys(one.condition for one in values))
+    names = list(dict.fromkeys(value.condition for value in values))
     cells = outcome_table(values, metric)
-    people = list(dict.fromkeys(one.person for one in values))
+    people = list(dict.fromkeys(value.person for value in values))
     complete = [who for who in people if all((who, name) in cells for name in names)]
     table = np.array([[cells[who, name][0] for name in names] for who in complete])
     rows = {
@@ -98,11 +96,11 @@ def _mean_cell(
     cells: dict[tuple[str, str], tuple[float, int | None]], people: Sequence[str], name: str
 ) -> dict[str, Any]:
     known = np.array([cells[who, name][0] for who in people if (who, name) in cells])
-    few = too_few(len(known), 2, "values")
+    missing = too_few(len(known), 2, "values")
     return {
         "people": len(known),
         "mean": plain(known.mean()) if len(known) else empty("nobody has a value"),
-        "sd": plain(few) if few else plain(known.std(ddof=1)),
+        "sd": plain(missing) if missing else plain(known.std(ddof=1)),
     }
 
 
@@ -117,24 +115,23 @@ def _mixed(
     columns: dict[str, FloatArray] = {
         name: np.array([float(key[1] == name) for key in keys]) for name in names[1:]
     }
-    places = [cells[key][1] for key in keys]
-    ordered = all(place is not None for place in places) and len(set(places)) > 1
+    positions = [cells[key][1] for key in keys]
+    ordered = all(position is not None for position in positions) and len(set(positions)) > 1
     if ordered:
-        columns["position"] = np.array([float(place or 0) for place in places])
-    found = mixed_model(y, columns, np.array([float(people.index(who)) for who, _ in keys]))
+        columns["position"] = np.array([float(position or 0) for position in positions])
+    model = mixed_model(y, columns, np.array([float(people.index(who)) for who, _ in keys]))
     order = "in the model" if ordered else "not known, or the same for everyone: not in the model"
-    if isinstance(found, NotComputable):
-        return plain(found)
-    assert isinstance(found, MixedModel)
-    test = found.joint_test(list(names[1:]))
+    if isinstance(model, NotComputable):
+        return plain(model)
+    test = model.joint_test(list(names[1:]))
     return {
         "reference": names[0],
         "order": order,
         "condition": plain(test._asdict()),
-        "coefficients": [plain(one) for one in found.coefficients],
-        "person_sd": plain(found.person_sd),
-        "residual_sd": plain(found.residual_sd),
-        "rows": found.rows,
+        "coefficients": [plain(coefficient) for coefficient in model.coefficients],
+        "person_sd": plain(model.person_sd),
+        "residual_sd": plain(model.residual_sd),
+        "rows": model.rows,
     }
 
 
@@ -157,26 +154,20 @@ def _curves(
     """Means by round with percentile bootstrap intervals over people."""
     curves: dict[str, list[dict[str, Any]]] = {}
     for name in names:
-        rounds = sorted(
-            {one.round for one in values if one.condition == name and one.round is not None}
-        )
+        by_round: dict[int, list[float]] = {}
+        for value in values:
+            if value.condition == name and value.round is not None:
+                by_round.setdefault(value.round, []).append(value.value)
         curves[name] = []
-        for number in rounds:
-            known = np.array(
-                [one.value for one in values if (one.condition, one.round) == (name, number)]
-            )
-            few = too_few(len(known), 2, "values")
+        for number, known in sorted(by_round.items()):
+            rng = np.random.default_rng([seed, len(known)])
+            missing = too_few(len(known), 2, "values")
             curves[name].append(
                 {
                     "round": number,
                     "people": len(known),
-                    "mean": plain(known.mean()),
-                    "ci95": plain(few) if few else plain(_mean_interval(known, seed)),
+                    "mean": plain(np.mean(known)),
+                    "ci95": plain(missing or mean_interval(np.array(known), rng)),
                 }
             )
     return curves
-
-
-def _mean_interval(values: FloatArray, seed: int) -> Any:
-    counts = resample_counts(len(values), RESAMPLES, np.random.default_rng([seed, len(values)]))
-    return percentile_interval(counts @ values / len(values), 0.95)

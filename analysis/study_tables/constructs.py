@@ -68,34 +68,37 @@ class Construct:
 
 
 def main_scales(questionnaire: Questionnaire) -> tuple[str, ...]:
-    """Scales that measure something of their own: not those all of whose items were scored before.
+    """Scales that are tested: not those whose items all belong to scales named before.
 
     So trust is its total; its two sub-scales are reported, and not tested beside it.
     """
-    found: list[str] = []
+    scales: list[str] = []
     taken: set[str] = set()
     for scale in questionnaire.scales:
         if not set(scale.items) <= taken:
-            found.append(scale.key)
+            scales.append(scale.key)
         taken.update(scale.items)
-    return tuple(found)
+    return tuple(scales)
 
 
 def asked_of(data: StudyData) -> list[Questionnaire]:
     """Questionnaires with scales that people answered about themselves, in the paper's order."""
     keys = dict.fromkeys(key for person in data.people for key in person.answers)
     known = [data.questionnaires[key] for key in keys if key in data.questionnaires]
-    asked = [one for one in known if one.scales]
+    asked = [questionnaire for questionnaire in known if questionnaire.scales]
     rank = {key: row for row, key in enumerate(("experience_games", "experience_sim_driving"))}
     return sorted(
         asked,
-        key=lambda one: (_ORDER.index(_TOPICS.get(one.key, "other")), rank.get(one.key, len(rank))),
+        key=lambda questionnaire: (
+            _ORDER.index(_TOPICS.get(questionnaire.key, "other")),
+            rank.get(questionnaire.key, len(rank)),
+        ),
     )
 
 
 def survey_constructs(data: StudyData, people: Sequence[Person]) -> list[Construct]:
-    """The scores of every scale that measures something of its own."""
-    found: list[Construct] = []
+    """The scores of every scale of ``main_scales``."""
+    constructs: list[Construct] = []
     for questionnaire in asked_of(data):
         scores = {
             person.id: score(questionnaire, person.answers[questionnaire.key])
@@ -106,12 +109,12 @@ def survey_constructs(data: StudyData, people: Sequence[Person]) -> list[Constru
             values: dict[str, float] = {}
             missing: dict[str, str] = {}
             for person in people:
-                one = scores[person.id][scale] if person.id in scores else None
-                if one is not None and one.score is not None:
-                    values[person.id] = one.score
+                scored = scores[person.id][scale] if person.id in scores else None
+                if scored is not None and scored.score is not None:
+                    values[person.id] = scored.score
                 else:
-                    missing[person.id] = "was not asked" if one is None else one.reason
-            found.append(
+                    missing[person.id] = "was not asked" if scored is None else scored.reason
+            constructs.append(
                 Construct(
                     key=f"{questionnaire.key}.{scale}",
                     title=questionnaire.scale(scale).title,
@@ -122,7 +125,7 @@ def survey_constructs(data: StudyData, people: Sequence[Person]) -> list[Constru
                     missing=missing,
                 )
             )
-    return found
+    return constructs
 
 
 def style_constructs(
@@ -130,17 +133,17 @@ def style_constructs(
 ) -> list[Construct]:
     """The style metrics; those of ``primary`` (by hypothesis) are the family's."""
     wanted = {person.id for person in people}
-    mine = [one for one in styles if one.person in wanted]
-    have = {one.person for one in mine}
-    found: list[Construct] = []
+    of_people = [style for style in styles if style.person in wanted]
+    have = {style.person for style in of_people}
+    constructs: list[Construct] = []
     keys = sorted(STYLES, key=lambda key: key not in primary.values())  # the family's first
     for key in keys:
         title, topic = STYLES[key]
-        cells = {one.person: getattr(one, key) for one in mine}
+        cells = {style.person: getattr(style, key) for style in of_people}
         values = {who: cell for who, cell in cells.items() if not isinstance(cell, NotComputable)}
         missing = {who: cell.reason for who, cell in cells.items() if who not in values}
         missing |= {person.id: "has no labels" for person in people if person.id not in have}
-        found.append(
+        constructs.append(
             Construct(
                 key=key,
                 title=title,
@@ -151,13 +154,13 @@ def style_constructs(
                 missing=missing,
             )
         )
-    return found
+    return constructs
 
 
 def planned_styles(data: StudyData) -> dict[str, str]:
     """The style metric that H3a and H3b are tested on: the frozen plan's, if it names one."""
-    found = dict(DEFAULT_STYLES)
-    for one in data.plan.hypotheses if data.plan else ():
-        if one.id in found and one.outcome in PLANNED_STYLES:
-            found[one.id] = PLANNED_STYLES[one.outcome]
-    return found
+    styles = dict(DEFAULT_STYLES)
+    for hypothesis in data.plan.hypotheses if data.plan else ():
+        if hypothesis.id in styles and hypothesis.outcome in PLANNED_STYLES:
+            styles[hypothesis.id] = PLANNED_STYLES[hypothesis.outcome]
+    return styles

@@ -1,4 +1,4 @@
-"""The tables as CSV, one file each: a cell without a value is blank, and its reason stands beside."""
+"""The tables as CSV files; a cell without a value is blank, and ``why_empty`` gives the reason."""
 
 import csv
 import io
@@ -11,7 +11,7 @@ Row = Mapping[str, Any]
 
 
 def csv_files(tables: Mapping[str, Any]) -> dict[str, str]:
-    """Text by file name."""
+    """The text of each file, by its name."""
     quality = tables["label_quality"]
     return {
         "table1.csv": _text(() if is_empty(tables["table1"]) else map(_flat, tables["table1"])),
@@ -28,20 +28,20 @@ def csv_files(tables: Mapping[str, Any]) -> dict[str, str]:
 
 def _flat(row: Row) -> dict[str, Any]:
     """Intervals as two columns, reasons of empty cells in ``why_empty``; nested parts left out."""
-    found: dict[str, Any] = {}
+    flat: dict[str, Any] = {}
     reasons: list[str] = []
     for key, value in row.items():
         if is_empty(value):
-            found[key] = ""
+            flat[key] = ""
             reasons.append(f"{key}: {value[EMPTY]}")
             if key.endswith("ci95"):
-                found |= {f"{key}_low": "", f"{key}_high": ""}
-                del found[key]
+                flat |= {f"{key}_low": "", f"{key}_high": ""}
+                del flat[key]
         elif _is_interval(value):
-            found |= {f"{key}_low": value[0], f"{key}_high": value[1]}
+            flat |= {f"{key}_low": value[0], f"{key}_high": value[1]}
         elif not isinstance(value, list | Mapping):
-            found[key] = value
-    return found | {"why_empty": "; ".join(dict.fromkeys(reasons))}
+            flat[key] = value
+    return flat | {"why_empty": "; ".join(dict.fromkeys(reasons))}
 
 
 def _table2_row(row: Row) -> dict[str, Any]:
@@ -61,8 +61,8 @@ def _paper_rows(rows: Sequence[Row]) -> Iterable[dict[str, Any]]:
         if is_empty(row["paper_compatible"]):
             yield _flat({"key": row["key"], "r": row["paper_compatible"]})
             continue
-        for one in row["paper_compatible"]:
-            yield _flat({"key": row["key"], **one, "why": "; ".join(one.get("why", ()))})
+        for cell in row["paper_compatible"]:
+            yield _flat({"key": row["key"], **cell, "why": "; ".join(cell.get("why", ()))})
 
 
 def _hypothesis(row: Row) -> dict[str, Any]:
@@ -84,32 +84,32 @@ def _hypothesis(row: Row) -> dict[str, Any]:
 
 
 def _quality_rows(quality: Row) -> Iterable[dict[str, Any]]:
-    for split, found in quality.items():
-        if is_empty(found):
-            yield {"split": split, "why_empty": found[EMPTY]}
+    for split, of_split in quality.items():
+        if is_empty(of_split):
+            yield {"split": split, "why_empty": of_split[EMPTY]}
             continue
-        for one in found["by_person"]:
-            yield _flat({"split": split, **one})
+        for person in of_split["by_person"]:
+            yield _flat({"split": split, **person})
 
 
 def _condition_rows(conditions: Row) -> Iterable[dict[str, Any]]:
     if not conditions["metrics"]:
         yield {"metric": "", "why_empty": conditions["why_empty"]}
-    for metric, found in conditions["metrics"].items():
-        for name, cell in found["means"].items():
+    for metric, outcome in conditions["metrics"].items():
+        for name, cell in outcome["means"].items():
             yield _flat({"metric": metric, "condition": name, **cell})
 
 
 def _curve_rows(conditions: Row) -> Iterable[dict[str, Any]]:
-    for metric, found in conditions["metrics"].items():
-        for name, curve in found["curves"].items():
-            for one in curve:
-                yield _flat({"metric": metric, "condition": name, **one})
+    for metric, outcome in conditions["metrics"].items():
+        for name, curve in outcome["curves"].items():
+            for point in curve:
+                yield _flat({"metric": metric, "condition": name, **point})
 
 
 def _is_interval(value: Any) -> bool:
     numbers = isinstance(value, list) and len(value) == 2
-    return numbers and all(isinstance(one, int | float) for one in value)
+    return numbers and all(isinstance(limit, int | float) for limit in value)
 
 
 def _text(rows: Iterable[Row]) -> str:

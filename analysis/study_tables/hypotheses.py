@@ -15,7 +15,6 @@ from steerlab.analysis.statistics.noncentral import (
 from steerlab.analysis.statistics.outcome import NotComputable
 from steerlab.analysis.statistics.paired import wilcoxon
 from steerlab.analysis.study_data.records import PlannedHypothesis, StudyData
-from steerlab.analysis.study_tables.comparison_hypothesis import comparison
 from steerlab.analysis.study_tables.label_quality import NO_ERROR, NOT_HELD_OUT, person_errors
 from steerlab.analysis.study_tables.plain import empty, is_empty, plain
 
@@ -36,6 +35,8 @@ _CORRECTIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
     "bh": benjamini_hochberg,
     "none": lambda p: p,
 }
+OURS = ("mind_meld", "mind-meld")  # as a study and as ``steerlab teach`` spell it
+RIVALS = ("bc", "dagger")  # H4 compares with these
 
 
 def hypotheses(
@@ -53,14 +54,14 @@ def hypotheses(
     plan = data.plan
     alpha = plan.alpha if plan else 0.05
     correction = plan.correction if plan else "holm"
-    planned = {one.id: one for one in plan.hypotheses} if plan else {}
+    planned = {hypothesis.id: hypothesis for hypothesis in plan.hypotheses} if plan else {}
     rows = [_about(name, planned.get(name), any_plan=plan is not None) for name in _TEXT]
     for row in rows:
         name = row["id"]
         if name == "H1":
             row |= _improvement(data, alpha)
         elif name == "H4":
-            row |= comparison(conditions, alpha)
+            row |= _comparison(conditions, alpha)
         elif name in styles:
             row |= _correlations(table2, alpha, keys=(styles[name],))
         else:
@@ -71,7 +72,7 @@ def hypotheses(
 
 
 def _about(name: str, planned: PlannedHypothesis | None, *, any_plan: bool) -> dict[str, Any]:
-    """What was not planned is never primary: it would weaken the tests that were."""
+    """A row's first cells. What was not planned is never primary, or it would weaken planned tests."""
     text, primary = _TEXT[name]
     return {
         "id": name,
@@ -92,40 +93,40 @@ def _judge(rows: Sequence[dict[str, Any]], alpha: float, correction: str) -> Non
             row |= {"p_corrected": row["p"], "verdict": "not testable"}
     for row, value in zip(testable, adjusted, strict=True):
         otherwise = row.pop("otherwise", None)
-        found = value < alpha and otherwise is None
+        supported = value < alpha and otherwise is None
         if value < alpha and otherwise is not None:
             row["note"] = otherwise
         row |= {
             "p_corrected": plain(value),
-            "verdict": "supported" if found else "not supported",
+            "verdict": "supported" if supported else "not supported",
         }
 
 
 def _improvement(data: StudyData, alpha: float) -> dict[str, Any]:
-    held_out = [one for one in data.held_out if one.role == "training"]
+    held_out = [errors for errors in data.held_out if errors.role == "training"]
     test = "Wilcoxon's signed ranks of each person's mean error, given against mapped"
     if not held_out:
         return _untestable(test, NOT_HELD_OUT)
     before, after = person_errors(held_out[0])
-    found = wilcoxon(before, after)
-    if isinstance(found, NotComputable):
-        return _untestable(test, found.reason)
+    result = wilcoxon(before, after)
+    if isinstance(result, NotComputable):
+        return _untestable(test, result.reason)
     given, mapped = float(held_out[0].before.sum()), float(held_out[0].after.sum())
     return {
         "test": test,
-        "p": plain(found.p),
-        "otherwise": None if found.shift > 0.0 else "the labels got worse",
+        "p": plain(result.p),
+        "otherwise": None if result.shift > 0.0 else "the labels got worse",
         "effect": {
             "what": "median fall of the mean label error, wheel units",
-            "value": plain(found.shift),
-            "ci95": plain(found.interval),
-            "rank_biserial": plain(found.rank_biserial),
+            "value": plain(result.shift),
+            "ci95": plain(result.interval),
+            "rank_biserial": plain(result.rank_biserial),
             "share_removed": plain(1.0 - mapped / given) if given else empty(NO_ERROR),
         },
-        "n": found.n,
+        "n": result.n,
         "power": {
-            "smallest_effect_80": plain(smallest_paired(found.n, alpha=alpha)),
-            "of_medium": plain(paired_power(MEDIUM_D, found.n, alpha=alpha)),
+            "smallest_effect_80": plain(smallest_paired(result.n, alpha=alpha)),
+            "of_medium": plain(paired_power(MEDIUM_D, result.n, alpha=alpha)),
             "what": f"mean difference in its standard deviations; medium is {MEDIUM_D}",
         },
     }
@@ -175,6 +176,79 @@ def _correlations(
             "of_large": plain(multiple_power(LARGE_R, n, best["dimensions"], alpha=alpha)),
             "what": f"multiple R of one test; medium is {MEDIUM_R}, large {LARGE_R}",
         },
+    }
+
+
+def _comparison(conditions: Mapping[str, Any], alpha: float) -> dict[str, Any]:
+    """H4, on success after the last round: the mixed model's test of condition, and two pairs.
+
+    H4 holds if the conditions differ and MIND MELD is better than each rival after Holm.
+    """
+    test = "mixed model of success, joint test of condition; Holm-corrected Wilcoxon pairs"
+    success = conditions["metrics"].get("success")
+    if success is None:
+        return _untestable(test, conditions.get("why_empty", "no success is on record"))
+    if is_empty(success["mixed_model"]):
+        return _untestable(test, success["mixed_model"]["empty"])
+    ours = next((name for name in OURS if name in success["conditions"]), None)
+    if ours is None:
+        return _untestable(test, "MIND MELD is not among the conditions")
+    pairs = [
+        _toward(pair, ours) for pair in success["pairs"] if ours in (pair["first"], pair["second"])
+    ]
+    rivals = [pair for pair in pairs if pair["rival"] in RIVALS]
+    if not rivals:
+        return _untestable(test, "neither BC nor DAgger is among the conditions")
+    weakest = min(
+        (pair for pair in rivals if not is_empty(pair["p_holm"])),
+        key=lambda pair: pair["shift"],
+        default=None,
+    )
+    if weakest is None:
+        return _untestable(test, rivals[0]["p_holm"]["empty"])
+    better = all(
+        not is_empty(pair["p_holm"]) and pair["p_holm"] < alpha and pair["shift"] > 0.0
+        for pair in rivals
+    )
+    n = success["people"]
+    return {
+        "test": test,
+        "p": success["mixed_model"]["condition"]["p"],
+        "otherwise": None
+        if better
+        else "conditions differ, but MIND MELD is not better than every rival after Holm",
+        "effect": {
+            "what": f"success, {ours} less {weakest['rival']}, the closer rival",
+            "value": weakest["shift"],
+            "ci95": weakest["ci95"],
+            "rank_biserial": weakest["rank_biserial"],
+        },
+        "parts": rivals,
+        "n": n,
+        "power": {
+            "smallest_effect_80": plain(smallest_paired(n, alpha=alpha)),
+            "of_medium": plain(paired_power(MEDIUM_D, n, alpha=alpha)),
+            "what": f"mean difference of two conditions in its SDs; medium is {MEDIUM_D}",
+        },
+    }
+
+
+def _toward(pair: Mapping[str, Any], ours: str) -> dict[str, Any]:
+    """A pair of conditions as MIND MELD minus its rival."""
+    first = pair["first"] == ours
+    rival = pair["second"] if first else pair["first"]
+    test = pair["test"]
+    if is_empty(test):
+        return {"rival": rival, "p": test, "p_holm": test, "shift": 0.0}
+    sign = 1.0 if first else -1.0
+    low, high = sorted(sign * limit for limit in test["interval"])
+    return {
+        "rival": rival,
+        "p": test["p"],
+        "p_holm": pair["p_holm"],
+        "shift": plain(sign * test["shift"]),
+        "ci95": [plain(low), plain(high)],
+        "rank_biserial": plain(sign * test["rank_biserial"]),
     }
 
 

@@ -21,20 +21,25 @@ NO_ERROR = "the labels as given had no error, so no improvement is defined"
 
 def label_quality(data: StudyData, *, seed: int) -> dict[str, Any]:
     """By role and network: error before and after, the share removed, and the paper's figure."""
-    found: dict[str, Any] = {}
+    splits: dict[str, Any] = {}
     for role, title in _SPLITS:
-        mine = [one for one in data.held_out if one.role == role]
-        if not mine:
+        held_out = [errors for errors in data.held_out if errors.role == role]
+        if not held_out:
             who = "test participants" if role == "test" else "training participants"
             nobody = not data.of_role(role)
-            found[title] = empty(f"there are no {who}" if nobody else NOT_HELD_OUT)
+            splits[title] = empty(f"there are no {who}" if nobody else NOT_HELD_OUT)
             continue
-        networks = [_quality(one, seed) for one in mine]
-        shares = [one["improvement"] for one in networks if isinstance(one["improvement"], float)]
-        found[title] = {
+        networks = [_quality(errors, seed) for errors in held_out]
+        shares = [
+            network["improvement"]
+            for network in networks
+            if isinstance(network["improvement"], float)
+        ]
+        splits[title] = {
             **networks[0],
             "networks": [
-                {"seed": one["seed"], "improvement": one["improvement"]} for one in networks
+                {"seed": network["seed"], "improvement": network["improvement"]}
+                for network in networks
             ],
             "improvement_over_networks": [plain(min(shares)), plain(max(shares))]
             if shares
@@ -47,41 +52,49 @@ def label_quality(data: StudyData, *, seed: int) -> dict[str, Any]:
                     "mae_after": plain(after / labels) if labels else empty("no valid label"),
                 }
                 for person, before, after, labels in zip(
-                    mine[0].people, mine[0].before, mine[0].after, mine[0].labels, strict=True
+                    held_out[0].people,
+                    held_out[0].before,
+                    held_out[0].after,
+                    held_out[0].labels,
+                    strict=True,
                 )
             ],
         }
-    return found
+    return splits
 
 
-def person_errors(one: HeldOut) -> tuple[np.ndarray, np.ndarray]:
+def person_errors(errors: HeldOut) -> tuple[np.ndarray, np.ndarray]:
     """Mean errors before and after of everyone who has a valid held-out label, (people,) each."""
-    keep = one.labels > 0
-    return one.before[keep] / one.labels[keep], one.after[keep] / one.labels[keep]
+    keep = errors.labels > 0
+    return errors.before[keep] / errors.labels[keep], errors.after[keep] / errors.labels[keep]
 
 
-def _quality(one: HeldOut, seed: int) -> dict[str, Any]:
-    before, after, labels = float(one.before.sum()), float(one.after.sum()), int(one.labels.sum())
-    with_error = one.before > 0.0
+def _quality(errors: HeldOut, seed: int) -> dict[str, Any]:
+    before, after, labels = (
+        float(errors.before.sum()),
+        float(errors.after.sum()),
+        int(errors.labels.sum()),
+    )
+    with_error = errors.before > 0.0
     if labels == 0:
         nothing = empty("no held-out label is valid")
-        return {"seed": one.seed, "people": len(one.people), "labels": 0} | dict.fromkeys(
+        return {"seed": errors.seed, "people": len(errors.people), "labels": 0} | dict.fromkeys(
             ("mae_before", "mae_after", "improvement", "ci95", "person_median"), nothing
         )
-    medians = 1.0 - one.after[with_error] / one.before[with_error]
+    medians = 1.0 - errors.after[with_error] / errors.before[with_error]
     return {
-        "seed": one.seed,
-        "people": len(one.people),
+        "seed": errors.seed,
+        "people": len(errors.people),
         "labels": labels,
         "mae_before": plain(before / labels),
         "mae_after": plain(after / labels),
         "improvement": plain(1.0 - after / before) if before else empty(NO_ERROR),
-        "ci95": plain(_interval(one.before, one.after, seed)),
+        "ci95": plain(_interval(errors.before, errors.after, seed)),
         "person_median": plain(np.median(medians)) if len(medians) else empty(NO_ERROR),
-        "people_improved": plain(np.mean(one.after < one.before)),
-        "labels_worsened": plain(one.worsened / labels),
-        "per_sample_percent": plain(100.0 * one.ratios / one.with_error)
-        if one.with_error
+        "people_improved": plain(np.mean(errors.after < errors.before)),
+        "labels_worsened": plain(errors.worsened / labels),
+        "per_sample_percent": plain(100.0 * errors.ratios / errors.with_error)
+        if errors.with_error
         else empty(NO_ERROR),
     }
 

@@ -1,4 +1,4 @@
-"""Statistics as plain values for JSON and CSV: what has no value says why, and NaN is refused."""
+"""Statistics as plain values for JSON and CSV; a cell without a value holds the reason instead."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -37,7 +37,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, ConfidenceInterval):
         return [plain(value.low), plain(value.high)]
     if is_dataclass(value) and not isinstance(value, type):
-        return {one.name: plain(getattr(value, one.name)) for one in fields(value)}
+        return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): plain(part) for key, part in value.items()}
     if isinstance(value, np.ndarray):

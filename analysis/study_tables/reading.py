@@ -1,14 +1,13 @@
-"""Cells of ``tables.json`` in words: numbers as one prints them, and why a cell is empty."""
+"""Cells of ``tables.json`` in words: numbers as they are printed, and why a cell is empty."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from markupsafe import Markup
 
-from steerlab.analysis.figures.learners import learner_name
 from steerlab.analysis.figures.study import METRIC_WORDS
 from steerlab.analysis.study_tables.plain import EMPTY, is_empty
-from steerlab.analysis.wording import decimal, percent
+from steerlab.analysis.wording import decimal, learner_name, p_value, percent
 from steerlab.study.surveys.questionnaire import Questionnaire
 
 _MINUS = "\u2212"
@@ -20,7 +19,7 @@ VERDICTS = {
 
 
 class Reader:
-    """What the page's template calls on cells.
+    """What the templates call to show a cell.
 
     Args:
         questionnaires: by key, for the titles of outcomes that are their scales.
@@ -30,7 +29,7 @@ class Reader:
         self._questionnaires = questionnaires or {}
 
     def number(self, cell: Any, form: str = "decimal") -> Markup | str:
-        """A number, or why there is none.
+        """A cell's number, or why there is none.
 
         Args:
             form: ``decimal`` (two digits), ``p``, ``percent``, ``count`` or ``digits3``.
@@ -59,8 +58,8 @@ class Reader:
         """An outcome in words; a questionnaire's is spelt ``questionnaire.scale``."""
         asked, _, scale = key.partition(".")
         if scale and asked in self._questionnaires:
-            found = self._questionnaires[asked]
-            return f"{found.title}: {found.scale(scale).title}"
+            questionnaire = self._questionnaires[asked]
+            return f"{questionnaire.title}: {questionnaire.scale(scale).title}"
         words = METRIC_WORDS.get(key, key)
         return words[:1].upper() + words[1:]
 
@@ -68,12 +67,12 @@ class Reader:
         """A condition in words."""
         return learner_name(key)
 
-    def untested(self, found: Mapping[str, Any]) -> Markup | str:
+    def untested(self, outcome: Mapping[str, Any]) -> Markup | str:
         """The one reason why an outcome was not tested at all; empty if any test was made."""
-        tests = [found[name] for name in ("friedman", "repeated_measures", "mixed_model")]
-        pairs = found["pairs"]
+        tests = [outcome[name] for name in ("friedman", "repeated_measures", "mixed_model")]
+        pairs = outcome["pairs"]
         tests += [pairs] if is_empty(pairs) else [pair["test"] for pair in pairs]
-        reasons = {one[EMPTY] if is_empty(one) else "" for one in tests}
+        reasons = {test[EMPTY] if is_empty(test) else "" for test in tests}
         return self.why(tests[0]) if len(reasons) == 1 and "" not in reasons else ""
 
     def why(self, cell: Mapping[str, str]) -> Markup:
@@ -96,24 +95,13 @@ class Reader:
         return VERDICTS[row["verdict"]]
 
 
-def p_value(value: float) -> str:
-    """As journals print it."""
-    if value < 0.001:
-        return "<\u202f.001"
-    shown = f"{value:.3f}"
-    return shown.removeprefix("0") if value < 0.9995 else "1"
-
-
 def headline(tables: Mapping[str, Any]) -> str:
     """The verdicts in one sentence."""
     by: dict[str, list[str]] = {}
     for row in tables["hypotheses"]:
         by.setdefault(row["verdict"], []).append(row["id"])
-    words = {
-        "supported": "supported",
-        "not supported": "not supported",
-        "not testable": "could not be tested",
-    }
     return "; ".join(
-        f"{', '.join(by[verdict])} {text}" for verdict, text in words.items() if verdict in by
+        f"{', '.join(by[verdict])} {words.lower()}"
+        for verdict, words in VERDICTS.items()
+        if verdict in by
     )

@@ -17,10 +17,16 @@ from steerlab.analysis.study_tables.constructs import (
 )
 from steerlab.analysis.study_tables.hypotheses import hypotheses
 from steerlab.analysis.study_tables.label_quality import label_quality
+from steerlab.analysis.study_tables.paper_tables import (
+    NO_SURVEYS,
+    describe_people,
+    matched,
+    table1,
+    table2,
+)
 from steerlab.analysis.study_tables.plain import empty, plain
-from steerlab.analysis.study_tables.style_table import exact_styles, style_table
-from steerlab.analysis.study_tables.table1 import NO_SURVEYS, describe_people, table1
-from steerlab.analysis.study_tables.table2 import matched, table2
+from steerlab.analysis.style.person_style import PersonStyle, people_styles
+from steerlab.learning.series import LabelSeries
 from steerlab.sim.seeds import rng_for
 
 KEYS = (
@@ -32,11 +38,22 @@ KEYS = (
     "conditions",
     "exclusions",
 )
+STYLE_METRICS = (  # by key of ``PersonStyle``
+    "amplitude",
+    "amplitude_total",
+    "wrong_direction",
+    "lag_s",
+    "lag_plain_s",
+    "vote",
+    "voted_lag_s",
+)
+FASTDTW_METRICS = ("amplitude_total", "lag_plain_s", "vote", "voted_lag_s")
+"""Those that fastdtw gives too; the scaled lag always comes from the exact path."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AnalysisConfig:
-    """What an analysis may choose.
+    """Settings of an analysis.
 
     Attributes:
         seed: of permutations and resamples.
@@ -50,7 +67,7 @@ class AnalysisConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Analysis:
-    """The tables, and what figures need besides.
+    """The tables, and what the figures need besides.
 
     Attributes:
         tables: plain values under ``KEYS``.
@@ -101,39 +118,33 @@ def _without_flagged(
         return empty("no attempt that counts was flagged")
     if not data.embeddings:
         return empty("there is no embedding: no network was trained")
-    kept = exact_styles(data, unflagged=True)
-    found: dict[str, Any] = {"attempts_left_out": len(data.flagged)}
-    for one in style_constructs(kept, people, primary):
-        if one.family:
-            who, values = matched(data.embeddings[0], one)
-            found[one.key] = (
-                plain(
-                    multiple_correlation(
-                        data.embeddings[0].of(who),
-                        values,
-                        rng=rng_for(config.seed, one.key),
-                        permutations=config.permutations,
-                    )
-                )
-                if len(who) >= FEWEST
-                else empty(f"people with unflagged attempts: {len(who)}; {FEWEST} are needed")
-            )
-    return found
+    first = data.embeddings[0]
+    cells: dict[str, Any] = {"attempts_left_out": len(data.flagged)}
+    for construct in style_constructs(exact_styles(data, unflagged=True), people, primary):
+        if not construct.family:
+            continue
+        who, values = matched(first, construct)
+        if len(who) < FEWEST:
+            why = f"people with unflagged attempts: {len(who)}; {FEWEST} are needed"
+            cells[construct.key] = empty(why)
+            continue
+        rng = rng_for(config.seed, construct.key)
+        correlation = multiple_correlation(
+            first.of(who), values, rng=rng, permutations=config.permutations
+        )
+        cells[construct.key] = plain(correlation)
+    return cells
 
 
 def _without_values(constructs: Sequence[Construct]) -> list[dict[str, str]]:
     """A row for everyone who counts and lacks a score or a style metric."""
     lacking: dict[str, list[str]] = {}
-    for one in constructs:
-        for person, why in one.missing.items():
-            lacking.setdefault(person, []).append(f"{one.title} ({why})")
+    for construct in constructs:
+        for person, why in construct.missing.items():
+            lacking.setdefault(person, []).append(f"{construct.title} ({why})")
     return [
-        {
-            "what": "values",
-            "who": person,
-            "why": f"counts, but has no value of {', '.join(several)}",
-        }
-        for person, several in lacking.items()
+        {"what": "values", "who": who, "why": f"counts, but has no value of {', '.join(titles)}"}
+        for who, titles in lacking.items()
     ]
 
 
@@ -144,8 +155,50 @@ def _exclusions(data: StudyData, constructs: Sequence[Construct]) -> dict[str, A
         "training": describe_people(data.of_role("training")),
         "test": describe_people(data.of_role("test")),
         "rows": [
-            *({"what": one.what, "who": one.who, "why": one.why} for one in data.exclusions),
+            *({"what": e.what, "who": e.who, "why": e.why} for e in data.exclusions),
             *_without_values(constructs),
         ],
-        "flagged_attempts": [list(one) for one in sorted(data.flagged)],
+        "flagged_attempts": [list(attempt) for attempt in sorted(data.flagged)],
     }
+
+
+def exact_styles(data: StudyData, *, unflagged: bool = False) -> list[PersonStyle]:
+    """Styles by exact DTW; ``unflagged`` leaves out attempts that broke a limit of timing."""
+    series: Sequence[LabelSeries] = data.series
+    if unflagged:
+        series = [s for s in series if (s.person, s.rollout) not in data.flagged]
+    return people_styles(series, latency_s=_latencies(data))
+
+
+def style_table(data: StudyData, styles: Sequence[PersonStyle], *, fastdtw: bool) -> dict[str, Any]:
+    """A row a person; ``fastdtw`` adds columns by that method, radius 10, which takes minutes."""
+    roles = {person.id: person.role for person in data.people}
+    latency_s = _latencies(data)
+    fast: dict[str, PersonStyle] = {}
+    if fastdtw:
+        by_fastdtw = people_styles(data.series, method="fastdtw", latency_s=latency_s)
+        fast = {style.person: style for style in by_fastdtw}
+    rows: list[dict[str, Any]] = []
+    for style in styles:
+        row: dict[str, Any] = {
+            "person": style.person,
+            "role": roles[style.person],
+            "rollouts": len(style.rollouts),
+            "latency_subtracted": style.person in latency_s,
+            **{name: plain(getattr(style, name)) for name in STYLE_METRICS},
+        }
+        if style.person in fast:
+            row |= {
+                f"{name}_fastdtw": plain(getattr(fast[style.person], name))
+                for name in FASTDTW_METRICS
+            }
+        rows.append(row)
+    return {
+        "method": "exact DTW" + (", and fastdtw with radius 10" if fastdtw else ""),
+        "fastdtw": "computed" if fastdtw else "not computed; add --fastdtw",
+        "rows": rows,
+    }
+
+
+def _latencies(data: StudyData) -> dict[str, float]:
+    return {p.id: p.latency_s for p in data.people if p.latency_s is not None}

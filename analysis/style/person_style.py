@@ -1,21 +1,87 @@
-"""How one person corrects: the style metrics over all rollouts."""
+"""How one person corrects: the style metrics of each rollout, and over all of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from steerlab.analysis.statistics.outcome import NotComputable
-from steerlab.analysis.style.metrics import Amplitude, TimingMetrics, ZeroTruth
-from steerlab.analysis.style.rollout_style import RolloutStyle, rollout_style
-from steerlab.analysis.style.warping import WarpingMethod
-from steerlab.learning.series import LabelSeries
+from steerlab.analysis.statistics.outcome import NotComputable, flat, too_few
+from steerlab.analysis.style.metrics import Amplitude, TimingMetrics, ZeroTruth, amplitude, timing
+from steerlab.analysis.style.warping import WarpingMethod, warp
+from steerlab.learning.series import LabelSeries, by_person
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
+
+FEWEST_STEPS = 4
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RolloutStyle:
+    """Style metrics of one series.
+
+    Attributes:
+        method: how labels were matched for ``amplitude`` and ``timing``.
+        steps: valid ones, which alone count.
+        distance: the DTW distance by ``method``, in wheel units.
+        amplitude: Eq. 3.
+        timing: along the same path, as in the paper. Where labels are larger than the truth this
+            path bends away from the clock to match heights, which shows as lag.
+        timing_scaled: along the exact path between both signals scaled to mean 0 and variance 1,
+            so that gain and bias do not pass for lag. Ours, not the paper's.
+    """
+
+    person: str
+    rollout: str
+    method: WarpingMethod
+    steps: int
+    distance: float | NotComputable
+    amplitude: Amplitude | NotComputable
+    timing: TimingMetrics | NotComputable
+    timing_scaled: TimingMetrics | NotComputable
+
+
+def rollout_style(
+    series: LabelSeries,
+    *,
+    method: WarpingMethod = "exact",
+    zero_truth: ZeroTruth = "over",
+    latency_s: float | None = None,
+) -> RolloutStyle:
+    """Style metrics of one person on one rollout.
+
+    Masked steps are left out of both signals, never filled; lags count control steps, so a gap
+    does not shorten them. Labels that never change have an amplitude but no lag.
+
+    Raises:
+        InvalidConfig: an argument is outside what it may be.
+    """
+    step = np.flatnonzero(series.valid)
+    label, truth = series.label[step], series.truth[step]
+    result = partial(
+        RolloutStyle, person=series.person, rollout=series.rollout, method=method, steps=len(step)
+    )
+    if missing := too_few(len(step), FEWEST_STEPS, "valid steps"):
+        return result(distance=missing, amplitude=missing, timing=missing, timing_scaled=missing)
+    path = warp(label, truth, method)
+    size = amplitude(label, truth, path, zero_truth=zero_truth)
+    result = partial(result, distance=path.distance, amplitude=size)
+    if constant := flat("the labels", label) or flat("the truth", truth):
+        return result(timing=constant, timing_scaled=constant)
+    scaled_path = warp(_scaled(label), _scaled(truth))
+    return result(
+        timing=timing(step, path, rate_hz=series.rate_hz, latency_s=latency_s),
+        timing_scaled=timing(step, scaled_path, rate_hz=series.rate_hz, latency_s=latency_s),
+    )
+
+
+def _scaled(signal: FloatArray) -> FloatArray:
+    return (signal - signal.mean()) / signal.std()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PersonStyle:
-    """Style of one person; rollouts in which a metric is not computable do not count in it.
+    """Style of one person; a metric leaves out the rollouts in which it is not computable.
 
     Every rollout weighs the same. Amplitudes are means. Lags are medians, since one rollout whose
     path bends far moves a mean by more than people differ (``benchmarks/style.py``).
@@ -58,33 +124,37 @@ def person_style(
         InvalidConfig: no series, series of several people, one rollout twice, or an argument is
             outside what it may be.
     """
-    people = {one.person for one in series}
+    people = {labels.person for labels in series}
     if len(people) != 1:
         raise InvalidConfig(f"Series of {sorted(people)}; give all series of one person.")
-    names = [one.rollout for one in series]
+    names = [labels.rollout for labels in series]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise InvalidConfig(f"{people.pop()!r} has {twice[0]!r} twice; keep one attempt.")
     rollouts = tuple(
-        rollout_style(one, method=method, zero_truth=zero_truth, latency_s=latency_s)
-        for one in series
+        rollout_style(labels, method=method, zero_truth=zero_truth, latency_s=latency_s)
+        for labels in series
     )
-    sizes = [one.amplitude for one in rollouts if isinstance(one.amplitude, Amplitude)]
-    plain = [(one.timing, at) for one, at in zip(rollouts, series, strict=True)]
-    lags = [(one, at.rate_hz) for one, at in plain if isinstance(one, TimingMetrics)]
-    scaled = [one.timing_scaled for one in rollouts if isinstance(one.timing_scaled, TimingMetrics)]
-    no_size = NotComputable(reason=_why([one.amplitude for one in rollouts]))
-    no_lag = NotComputable(reason=_why([one.timing_scaled for one in rollouts]))
-    late, early = sum(one.late for one, _ in lags), sum(one.early for one, _ in lags)
+    sizes = [style.amplitude for style in rollouts if isinstance(style.amplitude, Amplitude)]
+    lags = [
+        (style.timing, labels.rate_hz)
+        for style, labels in zip(rollouts, series, strict=True)
+        if isinstance(style.timing, TimingMetrics)
+    ]
+    timings_scaled = [style.timing_scaled for style in rollouts]
+    scaled = [timing for timing in timings_scaled if isinstance(timing, TimingMetrics)]
+    no_size = NotComputable(reason=_why([style.amplitude for style in rollouts]))
+    no_lag = NotComputable(reason=_why(timings_scaled))
+    late, early = sum(lag.late for lag, _ in lags), sum(lag.early for lag, _ in lags)
     return PersonStyle(
         person=series[0].person,
         method=method,
-        amplitude=_mean([one.normalised for one in sizes], no_size),
-        amplitude_total=_mean([one.total for one in sizes], no_size),
-        wrong_direction=_mean([one.wrong_direction for one in sizes], no_size),
-        lag_s=_median([one.median_lag_s for one in scaled], no_lag),
-        lag_plain_s=_median([one.lag_s for one, _ in lags], no_lag),
+        amplitude=_mean([size.normalised for size in sizes], no_size),
+        amplitude_total=_mean([size.total for size in sizes], no_size),
+        wrong_direction=_mean([size.wrong_direction for size in sizes], no_size),
+        lag_s=_median([lag.median_lag_s for lag in scaled], no_lag),
+        lag_plain_s=_median([lag.lag_s for lag, _ in lags], no_lag),
         vote=(late > early) - (late < early) if lags else no_lag,
-        voted_lag_s=_mean([one.voted_lag_steps / rate for one, rate in lags], no_lag),
+        voted_lag_s=_mean([lag.voted_lag_steps / rate for lag, rate in lags], no_lag),
         rollouts=rollouts,
     )
 
@@ -99,18 +169,15 @@ def people_styles(
     """Styles of all people, in the order in which they first appear.
 
     Args:
-        latency_s: of each person's device; who is not in it has an unknown one.
+        latency_s: of each person's device, where it is known.
 
     Raises:
         InvalidConfig: see ``person_style``.
     """
-    of: dict[str, list[LabelSeries]] = {}
-    for one in series:
-        of.setdefault(one.person, []).append(one)
     known = latency_s or {}
     return [
-        person_style(mine, method=method, zero_truth=zero_truth, latency_s=known.get(person))
-        for person, mine in of.items()
+        person_style(rollouts, method=method, zero_truth=zero_truth, latency_s=known.get(person))
+        for person, rollouts in by_person(series).items()
     ]
 
 
@@ -122,6 +189,6 @@ def _median(values: list[float], otherwise: NotComputable) -> float | NotComputa
     return float(np.median(values)) if values else otherwise
 
 
-def _why(found: Sequence[object]) -> str:
-    reasons = dict.fromkeys(one.reason for one in found if isinstance(one, NotComputable))
-    return f"in none of {len(found)} rollouts; {'; '.join(reasons)}"
+def _why(metrics: Sequence[object]) -> str:
+    reasons = dict.fromkeys(m.reason for m in metrics if isinstance(m, NotComputable))
+    return f"in none of {len(metrics)} rollouts; {'; '.join(reasons)}"

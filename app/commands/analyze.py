@@ -52,16 +52,16 @@ def analyze(
     given += [f"--conditions {quote(conditions.name)}"] if conditions else []
     given += ["--fastdtw"] if fastdtw else []
     command = " ".join(["steerlab analyze", quote(study.name), *given])
-    place = default_out(study) if out is None else out
+    folder = default_out(study) if out is None else out
     with progress_bar() as progress:
-        summary = run(study, config, place, force=force, command=command, progress=progress)
+        summary = run(study, config, folder, force=force, command=command, progress=progress)
     if json:
         print_json(summary)
         return 0
-    for name, found in summary["hypotheses"].items():
-        print(f"{name:<4} {found['verdict']}")
+    for name, hypothesis in summary["hypotheses"].items():
+        print(f"{name:<4} {hypothesis['verdict']}")
     for line in summary["deviations"]:
         print(f"Deviates from the plan: {line}")
-    print(f"Report: {place / 'report' / 'index.html'}")
-    print(f"Tables: {place / 'report' / 'tables.json'}")
+    print(f"Report: {folder / 'report' / 'index.html'}")
+    print(f"Tables: {folder / 'report' / 'tables.json'}")
     return 0

@@ -1,8 +1,9 @@
-"""Arguments that several commands share, of types that tyro judges by itself.
+"""Arguments that several commands share, of types that keep ``--help`` quick.
 
-Whether a default fits ``Path | None`` or ``tuple[str, ...]`` it asks typeguard, which imports
-asyncio and unittest: longer than everything else that a ``--help`` does. An ``Optional`` it judges
-itself, and anything is an ``object``; how several words are read is said here then.
+For ``Path | None`` and ``tuple[str, ...]`` tyro asks typeguard whether a default fits. typeguard
+imports asyncio and unittest, which takes longer than all else that ``--help`` does. tyro checks an
+``Optional`` itself, and any default fits an ``object``: so tuples are an ``object`` to tyro, with a
+description of how their words are read.
 """
 
 from collections.abc import Callable
@@ -61,7 +62,7 @@ View = Annotated[Literal["front", "chase"], tyro.conf.arg(help="From the car, or
 def screen_config(
     size: str, full_screen: bool = False, view: View = "front", text_scale: float = 1.0
 ) -> "ScreenConfig":
-    """How the window is to look.
+    """The settings of a window.
 
     Raises:
         InvalidConfig: the size is none.

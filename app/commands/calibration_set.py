@@ -5,9 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from steerlab.app.commands.printing import (
-    progress_bar,
-)
+from steerlab.app.commands.printing import progress_bar
 
 
 def calibration_set(
@@ -20,8 +18,8 @@ def calibration_set(
     Example: steerlab calibration-set --seed 12 --out calibration_set.parquet
     """
     from steerlab.sim.calibration_generator import generate_calibration_set
+    from steerlab.sim.calibration_set import write_rollouts
     from steerlab.sim.files.output_folder import OutputError
-    from steerlab.sim.rollout_file import write_rollouts
 
     if out.exists() and not force:
         raise OutputError(f"{out} exists; choose another file, or add --force to replace it.")

@@ -14,10 +14,7 @@ from steerlab.app.commands.arguments import (
     View,
     screen_config,
 )
-from steerlab.app.commands.printing import (
-    print_json,
-    progress_bar,
-)
+from steerlab.app.commands.printing import print_json, progress_bar
 
 
 def correct(
@@ -49,7 +46,7 @@ def correct(
 
     from steerlab.study.correct import CorrectConfig
     from steerlab.study.correct import correct as run
-    from steerlab.teleop.session import SessionConfig
+    from steerlab.teleop.attempt import SessionConfig
 
     config = CorrectConfig(
         participant=participant,

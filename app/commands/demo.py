@@ -2,12 +2,7 @@
 
 from pathlib import Path
 
-from steerlab.app.commands.arguments import (
-    Force,
-    Json,
-    Out,
-    Seed,
-)
+from steerlab.app.commands.arguments import Force, Json, Out, Seed
 from steerlab.app.commands.simulate import simulate_population
 
 

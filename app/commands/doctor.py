@@ -5,13 +5,8 @@ from typing import Annotated
 
 import tyro
 
-from steerlab.app.commands.arguments import (
-    Json,
-)
-from steerlab.app.commands.printing import (
-    print_json,
-    progress_bar,
-)
+from steerlab.app.commands.arguments import Json
+from steerlab.app.commands.printing import print_json, progress_bar
 
 
 def doctor(
@@ -33,18 +28,18 @@ def doctor(
 
     from steerlab.app.doctor import examine
 
-    findings = examine(folder)
+    checks = examine(folder)
     if loop:
-        from steerlab.app.doctor_loop import examine_loop
+        from steerlab.app.loop_check import examine_loop
 
         with progress_bar() as progress:
-            findings += examine_loop(folder, seconds, progress)
+            checks += examine_loop(folder, seconds, progress)
     if json:
-        print_json([asdict(finding) for finding in findings])
+        print_json([asdict(check) for check in checks])
     else:
-        width = max(len(finding.what) for finding in findings)
-        for finding in findings:
-            print(f"{'ok  ' if finding.ok else 'BAD '} {finding.what:<{width}}  {finding.found}")
-            if finding.mend:
-                print(f"     {'':<{width}}  mend: {finding.mend}")
-    return 0 if all(finding.ok for finding in findings) else 1
+        width = max(len(check.what) for check in checks)
+        for check in checks:
+            print(f"{'ok  ' if check.ok else 'BAD '} {check.what:<{width}}  {check.found}")
+            if check.mend:
+                print(f"     {'':<{width}}  mend: {check.mend}")
+    return 0 if all(check.ok for check in checks) else 1

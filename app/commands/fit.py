@@ -5,20 +5,8 @@ from typing import Annotated
 
 import tyro
 
-from steerlab.app.commands.arguments import (
-    FloatOrNone,
-    Force,
-    Json,
-    Ladder,
-    Out,
-    Preset,
-    Seed,
-)
-from steerlab.app.commands.printing import (
-    command_line,
-    print_summary,
-    progress_bar,
-)
+from steerlab.app.commands.arguments import FloatOrNone, Force, Json, Ladder, Out, Preset, Seed
+from steerlab.app.commands.printing import command_line, print_summary, progress_bar
 
 
 def fit(

@@ -27,12 +27,12 @@ def print_summary(summary: "Summary", out: Path, *, as_json: bool) -> int:
     from steerlab.analysis.wording import headline
 
     print(headline(summary))
-    say_where(out)
+    print_where(out)
     return 0
 
 
-def say_where(out: Path) -> None:
-    """Where report and numbers are."""
+def print_where(out: Path) -> None:
+    """Print where report and numbers are."""
     print(f"Report: {out / 'report' / 'index.html'}")
     print(f"Numbers: {out / 'summary.json'}")
 

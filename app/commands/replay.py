@@ -5,15 +5,8 @@ from typing import Annotated
 
 import tyro
 
-from steerlab.app.commands.arguments import (
-    FloatOrNone,
-    IntOrNone,
-    PathOrNone,
-    TextOrNone,
-)
-from steerlab.app.commands.printing import (
-    progress_bar,
-)
+from steerlab.app.commands.arguments import FloatOrNone, IntOrNone, PathOrNone, TextOrNone
+from steerlab.app.commands.printing import progress_bar
 
 
 def replay(
@@ -36,8 +29,8 @@ def replay(
 
     Example: steerlab replay my-study --participant P01 --save p01.rrd
     """
-    from steerlab.study.replay import ReplayConfig
-    from steerlab.study.replay import replay as run
+    from steerlab.study.recording.replay import ReplayConfig
+    from steerlab.study.recording.replay import replay as run
 
     config = ReplayConfig(
         participant=participant,

@@ -5,20 +5,8 @@ from typing import Annotated, Any
 
 import tyro
 
-from steerlab.app.commands.arguments import (
-    Force,
-    Json,
-    Ladder,
-    Noise,
-    Out,
-    Preset,
-    Seed,
-)
-from steerlab.app.commands.printing import (
-    command_line,
-    print_summary,
-    progress_bar,
-)
+from steerlab.app.commands.arguments import Force, Json, Ladder, Noise, Out, Preset, Seed
+from steerlab.app.commands.printing import command_line, print_summary, progress_bar
 
 
 def simulate(

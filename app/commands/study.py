@@ -37,7 +37,7 @@ class New:
 
     def do(self) -> int:
         """Write study.toml and study.db."""
-        from steerlab.study.new import new_study
+        from steerlab.study.study_folder import new_study
 
         new_study(self.folder, self.template)
         print(f"Made {self.folder}. Edit {self.folder / 'study.toml'}, then enrol:")
@@ -225,12 +225,12 @@ class Run:
             config = self._config(progress)
             participant = self.participant or study.enrol(Role(self.role)).id
             report = study.run(participant, config)
-        return _say_run(participant, report)
+        return _print_run(participant, report)
 
     def _config(self, progress: Callable[[str, float], None]) -> "RunConfig":
         from steerlab.study.runner import RunConfig
         from steerlab.study.scripted import ScriptedParticipant
-        from steerlab.study.teaching.study_teaching import all_teachings
+        from steerlab.study.teaching.contract import all_teachings
 
         scripted = None
         if self.teacher is not None:
@@ -296,16 +296,16 @@ class Verify:
             verified = study.verify(expected_head=self.expect_head)
         if self.as_json:
             print_json(
-                {"head": verified.head, "findings": [asdict(one) for one in verified.findings]}
+                {"head": verified.head, "findings": [asdict(check) for check in verified.findings]}
             )
         else:
-            for one in verified.findings:
-                _say_finding(one)
+            for check in verified.findings:
+                _print_check(check)
             print(f"Head of the audit (keep it elsewhere): {verified.head}")
         return 0 if verified.ok else 1
 
 
-def _say_run(participant: str, report: "RunReport") -> int:
+def _print_run(participant: str, report: "RunReport") -> int:
     for line in report.lines:
         print(f"{participant}  {line}")
     waiting = report.waiting
@@ -316,11 +316,11 @@ def _say_run(participant: str, report: "RunReport") -> int:
     return 0
 
 
-def _say_finding(finding: "StudyCheck") -> None:
-    verdict = "BAD " if not finding.ok else "note" if finding.notice else "ok  "
-    print(f"{verdict} {finding.what}: {finding.found}")
-    if finding.mend:
-        print(f"       mend: {finding.mend}")
+def _print_check(check: "StudyCheck") -> None:
+    verdict = "BAD " if not check.ok else "note" if check.notice else "ok  "
+    print(f"{verdict} {check.what}: {check.found}")
+    if check.mend:
+        print(f"       mend: {check.mend}")
 
 
 _Act = Annotated[
@@ -348,7 +348,7 @@ def study(act: _Act) -> int:
 
 
 def open_study(folder: Path, *, read_only: bool = False) -> "Study":
-    """The study in ``folder``; imports what that needs only now."""
+    """The study in ``folder``; its modules are imported only when it is opened."""
     from steerlab.study.study import Study
 
     return Study.open(folder, read_only=read_only)

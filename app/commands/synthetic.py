@@ -5,7 +5,7 @@ from typing import Annotated
 import tyro
 
 from steerlab.app.commands.arguments import Force, Json, Out, Seed
-from steerlab.app.commands.printing import command_line, print_json, progress_bar, say_where
+from steerlab.app.commands.printing import command_line, print_json, print_where, progress_bar
 
 
 def synthetic(
@@ -34,5 +34,5 @@ def synthetic(
         return 0
     for line in comparison_lines(summary):
         print(line)
-    say_where(out)
+    print_where(out)
     return 0

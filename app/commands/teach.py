@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Optional
 import tyro
 
 from steerlab.app.commands.arguments import Force, Json, Out, PathOrNone, Seed, Texts
-from steerlab.app.commands.printing import print_json, progress_bar, say_where
+from steerlab.app.commands.printing import print_json, print_where, progress_bar
 
 Noise = Annotated[
     float, tyro.conf.arg(help="Wheel noise: standard deviation, wheel units of ±2.5.")
@@ -98,9 +98,9 @@ def teach(
     if json:
         print_json(summary)
         return 0
-    from steerlab.analysis.teach_summary import table_lines
+    from steerlab.analysis.teach_report import table_lines
 
     for line in table_lines(summary):
         print(line)
-    say_where(out)
+    print_where(out)
     return 0

@@ -29,16 +29,16 @@ def wheel(
 
     with SdlEvents(window=act == "calibrate" or (act == "test" and not text)) as events:
         if act == "list":
-            found = wheel_commands.find_wheels(events)
+            wheels = wheel_commands.find_wheels(events)
             if json:
-                print_json([one.to_dict() for one in found])
+                print_json([plugged.to_dict() for plugged in wheels])
             else:
-                print("\n".join(wheel_commands.list_lines(found)))
+                print("\n".join(wheel_commands.list_lines(wheels)))
             return 0
         if act == "calibrate":
-            from steerlab.teleop.screen.drive_screen import open_screen
+            from steerlab.teleop.screen.drive_screen import DriveScreen
 
-            with open_screen(events, screen_config(size)) as screen:
+            with DriveScreen(events, screen_config(size)) as screen:
                 kept = wheel_commands.calibrate_wheel(screen, events, name=name)
             print("Stopped; nothing was kept." if kept is None else f"Wrote {kept}")
             return 1 if kept is None else 0
@@ -55,9 +55,9 @@ def _test(wheel_commands, events, name: str, *, text: bool, size: str) -> int:
             for line in wheel_commands.watch_lines(events, device):
                 print(f"\r{line:<100}", end="", flush=True)
         else:
-            from steerlab.teleop.screen.drive_screen import open_screen
+            from steerlab.teleop.screen.drive_screen import DriveScreen
 
-            with open_screen(events, screen_config(size)) as screen:
+            with DriveScreen(events, screen_config(size)) as screen:
                 wheel_commands.watch_on_screen(screen, events, device)
     finally:
         device.disconnect()

@@ -15,28 +15,25 @@ from starlette.types import ASGIApp
 from steerlab.app.console import texts
 from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.experimenter_pages import ExperimenterPages
-from steerlab.app.console.forms import BadForm
-from steerlab.app.console.guard import Guard
-from steerlab.app.console.login_throttle import LoginThrottle
+from steerlab.app.console.guard import BadForm, Guard
 from steerlab.app.console.participant_pages import ParticipantPages
 from steerlab.app.console.rendering import message_page, static_file
-from steerlab.app.console.sign_in import SignIn
-from steerlab.app.console.study_check_job import StudyCheckJob
-from steerlab.app.console.study_thread import StudyThread
+from steerlab.app.console.sign_in import LoginThrottle, SignIn
+from steerlab.app.console.study_thread import StudyCheckJob, StudyThread
 from steerlab.app.console.wheel_run import WheelRuns
 
 _LOG = logging.getLogger(__name__)
 
 
 def make_app(
-    desk: StudyThread,
+    study_thread: StudyThread,
     runs: WheelRuns,
-    checkup: StudyCheckJob,
+    check_job: StudyCheckJob,
     sign_in: SignIn,
     *,
     origins: Sequence[str],
     address: str,
-    guesses: LoginThrottle | None = None,
+    throttle: LoginThrottle | None = None,
     changes: ChangeFeed | None = None,
 ) -> ASGIApp:
     """The application, behind its guard.
@@ -44,13 +41,15 @@ def make_app(
     Args:
         origins: every ``scheme://host:port`` it may be opened by.
         address: the one that participants' links begin with.
-        guesses: counts wrong links and passwords.
-        changes: for who wants to end the open pages' streams.
+        throttle: limits wrong links and passwords.
+        changes: given by a caller who wants to end the streams of open pages.
     """
-    changes = changes or ChangeFeed(desk, runs.mark, checkup.mark)
-    guesses = guesses or LoginThrottle()
-    person = ParticipantPages(desk, changes, guesses)
-    lab = ExperimenterPages(desk, runs, checkup, changes, sign_in, guesses, origin=address)
+    changes = changes or ChangeFeed(study_thread, runs.mark, check_job.mark)
+    throttle = throttle or LoginThrottle()
+    person = ParticipantPages(study_thread, changes, throttle)
+    lab = ExperimenterPages(
+        study_thread, runs, check_job, changes, sign_in, throttle, origin=address
+    )
 
     @asynccontextmanager
     async def follow(app: Starlette) -> AsyncIterator[None]:

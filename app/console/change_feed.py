@@ -1,4 +1,4 @@
-"""Pages that follow the study: whoever changes it, open pages hear of it within a second."""
+"""Tells open pages within a second that the study has changed, whoever changed it."""
 
 import asyncio
 import logging
@@ -17,11 +17,11 @@ _LOG = logging.getLogger(__name__)
 
 
 class ChangeFeed:
-    """Looks at the study's change count, and wakes the streams of open pages."""
+    """Watches the study's change count, and wakes the streams of open pages."""
 
-    def __init__(self, desk: StudyThread, *marks: Callable[[], str]) -> None:
+    def __init__(self, study_thread: StudyThread, *marks: Callable[[], str]) -> None:
         """Follow the study, and whatever else has a mark that differs after each change."""
-        self._desk = desk
+        self._study_thread = study_thread
         self._marks = marks
         self._version = ""
         self._woken = asyncio.Event()
@@ -35,14 +35,14 @@ class ChangeFeed:
 
     async def look(self) -> None:
         """Look once, and wake the streams if something changed."""
-        count = await self._desk.do(lambda study: study.change_count())
+        count = await self._study_thread.do(lambda study: study.change_count())
         version = "/".join([str(count), *(mark() for mark in self._marks)])
         if version != self._version:
             self._version = version
             self._wake()
 
     async def watch(self) -> None:
-        """Look again and again; for a task of the application's."""
+        """Look until ``close``; to be run as a task of the application."""
         while not self._closing:
             try:
                 await self.look()
@@ -56,7 +56,7 @@ class ChangeFeed:
         self._wake()
 
     def response(self, key: Callable[[], Awaitable[str]]) -> StreamingResponse | None:
-        """A server-sent-events answer that says ``key()`` now and whenever it has changed.
+        """A stream of server-sent events: ``key()`` now, and again whenever it has changed.
 
         None if too many pages are open.
         """
@@ -67,12 +67,12 @@ class ChangeFeed:
     async def _events(self, key: Callable[[], Awaitable[str]]) -> AsyncIterator[str]:
         self._streams += 1
         try:
-            said = None
+            sent = None
             while not self._closing:
                 woken = self._woken
                 now = await key()
-                if now != said:
-                    said = now
+                if now != sent:
+                    sent = now
                     yield f"data: {now}\n\n"
                 try:
                     await asyncio.wait_for(woken.wait(), STILL_THERE_S)

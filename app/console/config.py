@@ -1,4 +1,4 @@
-"""Where the console listens, and what it takes to be reached from another machine."""
+"""Where the console listens, and what other machines need before they may reach it."""
 
 import logging
 import os
@@ -105,9 +105,11 @@ class ConsoleConfig:
         return tuple(f"{self.scheme}://{name}{suffix}" for name in shown)
 
     def address(self, port: int) -> str:
-        """The first origin to name to people."""
+        """The address to tell people."""
         host = f"[{self.host}]" if ":" in self.host else self.host.lower()
-        return next(one for one in self.origins(port) if one.split("//")[1].startswith(host))
+        return next(
+            origin for origin in self.origins(port) if origin.split("//")[1].startswith(host)
+        )
 
 
 def _others_may_read(path: Path) -> bool:
@@ -119,7 +121,7 @@ def _others_may_read(path: Path) -> bool:
 
 
 def is_loopback(host: str) -> bool:
-    """Only this machine can reach ``host``."""
+    """Whether only this machine can reach ``host``."""
     try:
         return ip_address(host).is_loopback
     except ValueError:
@@ -127,7 +129,7 @@ def is_loopback(host: str) -> bool:
 
 
 def is_wildcard(host: str) -> bool:
-    """``host`` stands for every address of this machine."""
+    """Whether ``host`` stands for every address of this machine."""
     try:
         return ip_address(host).is_unspecified
     except ValueError:

@@ -1,4 +1,4 @@
-"""The experimenter's pages: everyone's way, one participant, the checks."""
+"""The experimenter's pages (all participants, one participant, the checks), and what is done on them."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -6,28 +6,31 @@ from functools import partial
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
-from steerlab.app.console import experimenter_acts as acts
 from steerlab.app.console import texts
 from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.experimenter_views import (
     ExperimenterContext,
     checks_page,
+    keep_link,
     people_page,
     person_page,
 )
-from steerlab.app.console.forms import csrf_holds, read_form
-from steerlab.app.console.login_throttle import LoginThrottle, client_address
-from steerlab.app.console.rendering import message_page, page
-from steerlab.app.console.sign_in import BrowserSession, SignIn
-from steerlab.app.console.study_check_job import StudyCheckJob
-from steerlab.app.console.study_thread import StudyThread
+from steerlab.app.console.guard import csrf_holds, read_form
+from steerlab.app.console.next_steps import PAGES
+from steerlab.app.console.rendering import message_page, page, too_many_page
+from steerlab.app.console.sign_in import BrowserSession, LoginThrottle, SignIn, client_address
+from steerlab.app.console.study_thread import StudyCheckJob, StudyThread
 from steerlab.app.console.wheel_run import WheelRuns
 from steerlab.sim.errors import SteerlabError
-from steerlab.study.contract import StudyAccess
+from steerlab.study.contract import Role, StudyAccess, StudyError
 
 COOKIE = "steerlab_experimenter"
 
-Work = Callable[[ExperimenterContext, Mapping[str, str]], Response]
+LONGEST_NOTE = 5000  # characters
+
+Form = Mapping[str, str]
+"""The fields of a form that was sent; empty for a request that only reads."""
+Work = Callable[[ExperimenterContext, Form], Response]
 
 
 class ExperimenterPages:
@@ -35,56 +38,60 @@ class ExperimenterPages:
 
     def __init__(
         self,
-        desk: StudyThread,
+        study_thread: StudyThread,
         runs: WheelRuns,
-        checkup: StudyCheckJob,
+        check_job: StudyCheckJob,
         changes: ChangeFeed,
         sign_in: SignIn,
-        guesses: LoginThrottle,
+        throttle: LoginThrottle,
         *,
         origin: str,
     ) -> None:
         """``origin`` is what participants' links begin with."""
-        self._desk = desk
+        self._study_thread = study_thread
         self._runs = runs
-        self._checkup = checkup
+        self._check_job = check_job
         self._changes = changes
         self._sign_in = sign_in
-        self._guesses = guesses
+        self._throttle = throttle
         self._origin = origin
 
     async def people(self, request: Request) -> Response:
         """Everyone, and what to do next."""
-        return await self._work(request, lambda bench, _: people_page(bench))
+        return await self._work(request, lambda context, _: people_page(context))
 
     async def person(self, request: Request) -> Response:
         """One participant."""
         participant = request.path_params["participant"]
         shown = request.query_params.get("link", "")
         return await self._work(
-            request, lambda bench, _: person_page(bench, participant, link_key=shown)
+            request, lambda context, _: person_page(context, participant, link_key=shown)
         )
 
     async def checks(self, request: Request) -> Response:
         """The whole study's integrity; a POST checks again."""
         if request.method == "POST":
-            response = await self._work(request, lambda bench, _: RedirectResponse("/checks", 303))
+            response = await self._work(
+                request, lambda context, _: RedirectResponse("/checks", 303)
+            )
             if response.status_code == 303:  # signed in, and the form is ours
-                self._checkup.start()
+                self._check_job.start()
                 await self._changes.look()
             return response
-        if self._session(request) is not None and not self._checkup.view().at:
-            self._checkup.start()
+        if self._session(request) is not None and not self._check_job.view().at:
+            self._check_job.start()
             await self._changes.look()
-        return await self._work(request, lambda bench, _: checks_page(bench, self._checkup.view()))
+        return await self._work(
+            request, lambda context, _: checks_page(context, self._check_job.view())
+        )
 
     async def enrol(self, request: Request) -> Response:
         """The next participant."""
-        return await self._work(request, acts.enrol)
+        return await self._work(request, enrol_participant)
 
     async def act(self, request: Request) -> Response:
-        """One of ``acts.ACTS`` on a participant."""
-        act = acts.ACTS.get(request.path_params["act"])
+        """One of ``ACTS`` on a participant."""
+        act = ACTS.get(request.path_params["act"])
         if act is None:
             return message_page(texts.NOT_FOUND_TITLE, texts.NOT_FOUND_TEXT, status=404)
         return await self._work(request, partial(act, request.path_params["participant"]))
@@ -126,14 +133,14 @@ class ExperimenterPages:
         session = self._session(request)
         if session is None:
             return self._sign_in_page(status=401)
-        posted: Mapping[str, str] = {}
+        posted: Form = {}
         if request.method == "POST":
             posted = await read_form(request)
             if not csrf_holds(session.secret, posted):
                 return message_page(texts.STALE_TITLE, texts.STALE_TEXT, status=403, link="/")
 
         def with_study(study: StudyAccess) -> Response:
-            bench = ExperimenterContext(
+            context = ExperimenterContext(
                 study=study,
                 runs=self._runs,
                 session=session,
@@ -141,13 +148,13 @@ class ExperimenterPages:
                 version=self._changes.version,
             )
             try:
-                return work(bench, posted)
+                return work(context, posted)
             except SteerlabError as error:
                 return message_page(
                     texts.CANNOT_TITLE, str(error), status=409, study=study.title, link="/"
                 )
 
-        response = await self._desk.do(with_study)
+        response = await self._study_thread.do(with_study)
         if request.method == "POST":
             await self._changes.look()
         return response
@@ -159,13 +166,12 @@ class ExperimenterPages:
         self, request: Request, try_it: Callable[[], BrowserSession | None], *, wrong: str
     ) -> Response:
         address = client_address(request)
-        wait_s = self._guesses.wait_s(address)
+        wait_s = self._throttle.wait_s(address)
         if wait_s:
-            said = texts.TOO_MANY_TEXT.format(seconds=wait_s)
-            return message_page(texts.TOO_MANY_TITLE, said, status=429, wait_s=wait_s)
+            return too_many_page(wait_s)
         session = try_it()
         if session is None:
-            self._guesses.wrong(address)
+            self._throttle.wrong(address)
             return self._sign_in_page(status=401, wrong=wrong)
         response = RedirectResponse("/", 303)
         response.set_cookie(
@@ -184,3 +190,100 @@ class ExperimenterPages:
             has_password=self._sign_in.has_password,
             wrong=wrong,
         )
+
+
+def enrol_participant(context: ExperimenterContext, posted: Form) -> Response:
+    """Enrol the next participant, in a role."""
+    if posted.get("role") not in tuple(Role):
+        role = posted.get("role", "")[:80]
+        raise StudyError(texts.WRONG_ROLE.format(role=role, roles=" or ".join(Role)))
+    view = context.study.enrol(Role(posted["role"]))
+    return _to(view.id)
+
+
+def new_link(participant: str, context: ExperimenterContext, posted: Form) -> Response:
+    """A fresh link for the participant; shown once."""
+    view = context.study.participant(participant)
+    key = keep_link(context, context.study.new_link(view.id))
+    return RedirectResponse(f"/participants/{view.id}?link={key}", 303)
+
+
+def start(participant: str, context: ExperimenterContext, posted: Form) -> Response:
+    """Begin or resume the next phase at the wheel, if it is still the one that the form names.
+
+    Raises:
+        StudyError: another one is next, or one is running.
+    """
+    view = context.study.participant(participant)
+    phase = view.next_phase
+    if phase is None or phase.kind in PAGES or phase.id != posted.get("phase"):
+        title = posted.get("phase", "")[:80]
+        raise StudyError(texts.RUN_NOT_NEXT.format(title=title, participant=view.id))
+    context.runs.start(view.id, phase)
+    return _to(view.id)
+
+
+def redo(participant: str, context: ExperimenterContext, posted: Form) -> Response:
+    """Open a finished phase again.
+
+    Raises:
+        StudyError: it is not finished, or the participant is at the wheel.
+    """
+    view = context.study.participant(participant)
+    phase = next((known for known, _ in view.phases if known.id == posted.get("phase")), None)
+    if phase is None:
+        raise StudyError(
+            texts.RUN_NOT_NEXT.format(title=posted.get("phase", "")[:80], participant=view.id)
+        )
+    _refuse_while_driving(context, view.id)
+    context.study.redo(view.id, phase.id)
+    return _to(view.id)
+
+
+def note(participant: str, context: ExperimenterContext, posted: Form) -> Response:
+    """Keep a remark."""
+    view = context.study.participant(participant)
+    text = posted.get("text", "").replace("\r\n", "\n").strip()
+    if len(text) > LONGEST_NOTE:
+        raise StudyError(texts.NOTE_LONG.format(count=len(text), longest=LONGEST_NOTE))
+    if text:
+        context.study.note(view.id, text)
+    return _to(view.id)
+
+
+def withdraw(participant: str, context: ExperimenterContext, posted: Form) -> Response:
+    """Let a participant leave, once the outcome is chosen and the id is typed."""
+    view = context.study.participant(participant)
+    outcome = posted.get("outcome")
+    if outcome not in ("keep", "erase"):
+        return person_page(context, view.id, status=422, wrong=texts.WITHDRAW_CHOOSE)
+    if posted.get("typed", "").strip() != view.id:
+        mistyped = texts.WITHDRAW_MISTYPED.format(id=view.id)
+        return person_page(context, view.id, status=422, wrong=mistyped)
+    _refuse_while_driving(context, view.id)
+    if outcome == "erase":
+        context.runs.erase(view.id)
+    else:
+        context.study.withdraw(view.id, erase=False)
+    return _to(view.id)
+
+
+ACTS: Mapping[str, Callable[[str, ExperimenterContext, Form], Response]] = {
+    "link": new_link,
+    "start": start,
+    "redo": redo,
+    "note": note,
+    "withdraw": withdraw,
+}
+
+
+def _refuse_while_driving(context: ExperimenterContext, participant: str) -> None:
+    run = context.runs.view()
+    if run is not None and run.goes_on and run.participant == participant:
+        raise StudyError(
+            texts.RUN_BUSY.format(title=run.title, participant=run.participant, pid=run.pid)
+        )
+
+
+def _to(participant: str) -> RedirectResponse:
+    return RedirectResponse(f"/participants/{participant}", 303)

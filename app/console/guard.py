@@ -1,13 +1,17 @@
-"""What every request passes before a page sees it, and the headers that every answer carries.
+"""Which requests and forms are let through to a page, and the headers that every answer carries.
 
 A page of another site that the experimenter has open can send requests to this machine, and can
 point a name of its own at it (DNS rebinding): so the Host header must be ours, a request that
 changes something must come from a page of ours, and its form must fit into memory.
 """
 
-from collections.abc import Collection
+import hmac
+from collections.abc import Collection, Mapping
+from hashlib import sha256
+from urllib.parse import parse_qsl
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -16,6 +20,8 @@ from steerlab.app.console import texts
 LARGEST_BODY = 64 * 1024  # bytes; the longest questionnaire posts about 2 kB
 FORM = "application/x-www-form-urlencoded"
 READING = ("GET", "HEAD")
+MOST_FIELDS = 300
+CSRF_FIELD = "csrf"
 
 CONTENT_POLICY = "; ".join(
     (
@@ -89,7 +95,7 @@ class Guard:
         return None
 
     def _is_ours(self, headers: Headers) -> bool:
-        """Sent by a page of ours, by the browser's own word.
+        """Whether a page of ours sent it, according to the browser.
 
         Under ``no-referrer`` a browser sends ``Origin: null`` with a native form, so that there
         ``Sec-Fetch-Site`` must tell; no page can set it.
@@ -100,3 +106,51 @@ class Guard:
         if origins and origins[0] != "null":
             return origins[0].lower() in self._origins
         return headers.get("sec-fetch-site") == "same-origin"
+
+
+class BadForm(Exception):
+    """The body is too long or is no form; ``status`` is the HTTP status to answer with."""
+
+    def __init__(self, status: int) -> None:
+        super().__init__(status)
+        self.status = status
+
+
+async def read_form(request: Request) -> Mapping[str, str]:
+    """The fields of a urlencoded form; files are not taken.
+
+    Raises:
+        BadForm: it is too long, not UTF-8, or names a field twice.
+    """
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > LARGEST_BODY:  # a chunked request names no length beforehand
+            raise BadForm(413)
+    try:
+        pairs = parse_qsl(
+            bytes(body).decode("ascii"),
+            keep_blank_values=True,
+            encoding="utf-8",
+            errors="strict",
+            max_num_fields=MOST_FIELDS,
+        )
+    except ValueError as error:  # UnicodeDecodeError is one
+        raise BadForm(400) from error
+    fields = dict(pairs)
+    if len(fields) != len(pairs):
+        raise BadForm(400)
+    return fields
+
+
+def csrf_token(secret: str) -> str:
+    """The token in a page's forms: only who knows the link or the session's cookie can compute it.
+
+    It follows from the secret alone, so that a page outlives a restart of the console.
+    """
+    return hmac.new(secret.encode(), b"steerlab console form", sha256).hexdigest()
+
+
+def csrf_holds(secret: str, fields: Mapping[str, str]) -> bool:
+    """Whether the form was made for whoever holds ``secret``."""
+    return hmac.compare_digest(csrf_token(secret).encode(), fields.get(CSRF_FIELD, "").encode())

@@ -5,13 +5,7 @@ from enum import Enum, auto
 
 from steerlab.app.console import texts
 from steerlab.app.console.wheel_run import RunView
-from steerlab.study.contract import (
-    ParticipantView,
-    Phase,
-    PhaseKind,
-    PhaseState,
-    Standing,
-)
+from steerlab.study.contract import ParticipantView, Phase, PhaseKind, PhaseState, Standing
 
 PAGES = frozenset(
     {PhaseKind.CONSENT, PhaseKind.QUESTIONNAIRES, PhaseKind.INSTRUCTIONS, PhaseKind.DEBRIEF}
@@ -20,7 +14,7 @@ OVER = frozenset({PhaseState.DONE, PhaseState.SKIPPED})
 
 
 class NextAction(Enum):
-    """What a button would do."""
+    """What the button of a next step does."""
 
     NONE = auto()
     LINK = auto()
@@ -39,12 +33,12 @@ class NextStep:
 
     @property
     def needs_experimenter(self) -> bool:
-        """Somebody waits until the experimenter does it."""
+        """Whether the participant waits for the experimenter."""
         return self.act is not NextAction.NONE
 
 
 def next_step(view: ParticipantView, run: RunView | None) -> NextStep:
-    """What to do next, given the run at the wheel, whoever's it is."""
+    """What to do next, given the run that is at the wheel, of this participant or another."""
     phase = view.next_phase
     if phase is None:
         return _without_phase(view, run)
@@ -66,12 +60,12 @@ def next_step(view: ParticipantView, run: RunView | None) -> NextStep:
 
 
 def state_of(view: ParticipantView, phase: str) -> PhaseState | None:
-    """How far a phase got; None if it is not the participant's."""
-    return next((state for one, state in view.phases if one.id == phase), None)
+    """The state of a phase, by id; None if the participant does not have it."""
+    return next((state for known, state in view.phases if known.id == phase), None)
 
 
 def step_of(view: ParticipantView) -> tuple[int, int]:
-    """Number of the step the participant is at, from 1, and of all; the last when all are done."""
+    """The participant's step, from 1, and how many there are; the last one when all are done."""
     done = sum(state in OVER for _, state in view.phases)
     return min(done + 1, len(view.phases)), len(view.phases)
 

@@ -1,59 +1,76 @@
-"""The pages behind a participant's link: each request sees the one participant it belongs to."""
+"""The pages behind a participant's link, and what the participant does on them.
+
+Each request sees only the participant whose link it is; what is sent twice is kept once.
+"""
 
 from collections.abc import Callable, Mapping
 from functools import partial
 from hashlib import sha256
 
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, Response
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
-from steerlab.app.console import participant_acts as acts
 from steerlab.app.console import texts
 from steerlab.app.console.change_feed import ChangeFeed
-from steerlab.app.console.forms import csrf_holds, read_form
-from steerlab.app.console.login_throttle import LoginThrottle, client_address
-from steerlab.app.console.participant_views import ParticipantContext, current_page, page_key
-from steerlab.app.console.rendering import message_page
+from steerlab.app.console.guard import csrf_holds, read_form
+from steerlab.app.console.participant_views import (
+    ParticipantContext,
+    consent_page,
+    current_page,
+    page_key,
+    questions_page,
+    questions_path,
+)
+from steerlab.app.console.questionnaire_form import read_answer, read_posted, what_is_wrong
+from steerlab.app.console.rendering import message_page, too_many_page
+from steerlab.app.console.sign_in import LoginThrottle, client_address
 from steerlab.app.console.study_thread import StudyThread
-from steerlab.study.contract import StudyAccess, StudyError
+from steerlab.study.contract import Phase, PhaseKind, StudyAccess, StudyError
+from steerlab.study.surveys.answer_format import InvalidAnswer
 
 LONGEST_TOKEN = 128
 
-Work = Callable[[ParticipantContext, Mapping[str, str]], Response]
+READING = (PhaseKind.INSTRUCTIONS, PhaseKind.DEBRIEF)
+
+Form = Mapping[str, str]
+"""The fields of a form that was sent; empty for a request that only reads."""
+Work = Callable[[ParticipantContext, Form], Response]
 
 
 class ParticipantPages:
     """Information, consent, questionnaires, instructions, waiting and thanks."""
 
-    def __init__(self, desk: StudyThread, changes: ChangeFeed, guesses: LoginThrottle) -> None:
-        self._desk = desk
+    def __init__(
+        self, study_thread: StudyThread, changes: ChangeFeed, throttle: LoginThrottle
+    ) -> None:
+        self._study_thread = study_thread
         self._changes = changes
-        self._guesses = guesses
+        self._throttle = throttle
         # Links that were right once: those guessing from the same address lock out nobody.
         self._known: set[bytes] = set()
 
     async def show(self, request: Request) -> Response:
         """Whatever comes next for the participant."""
-        return await self._visit(request, lambda visit, _: current_page(visit))
+        return await self._visit(request, lambda context, _: current_page(context))
 
     async def questions(self, request: Request) -> Response:
         """Show or hand in one questionnaire of the phase that is open."""
         number = request.path_params["number"]
-        work = acts.hand_in if request.method == "POST" else acts.show_questions
+        work = hand_in if request.method == "POST" else show_questions
         return await self._visit(request, partial(work, request.path_params["phase"], number))
 
     async def answer(self, request: Request) -> Response:
         """Keep one answer; 204 only once it is durable."""
         phase, number = request.path_params["phase"], request.path_params["number"]
-        return await self._visit(request, partial(acts.keep_one, phase, number))
+        return await self._visit(request, partial(keep_answer, phase, number))
 
     async def consent(self, request: Request) -> Response:
         """Keep the decision."""
-        return await self._visit(request, acts.consent)
+        return await self._visit(request, keep_decision)
 
     async def done(self, request: Request) -> Response:
         """Leave a page of instructions or the debriefing."""
-        return await self._visit(request, partial(acts.leave_page, request.path_params["phase"]))
+        return await self._visit(request, partial(leave_page, request.path_params["phase"]))
 
     async def events(self, request: Request) -> Response:
         """Tell a waiting page when it is out of date."""
@@ -63,7 +80,7 @@ class ParticipantPages:
             return refusal
 
         async def key() -> str:
-            return await self._desk.do(partial(_key_of, token))
+            return await self._study_thread.do(partial(_key_of, token))
 
         if await key() == "":
             return self._expired(address)
@@ -74,7 +91,7 @@ class ParticipantPages:
         refusal = self._refusal(token, address)
         if refusal is not None:
             return refusal
-        posted: Mapping[str, str] = {}
+        posted: Form = {}
         if request.method == "POST":
             posted = await read_form(request)
             if not csrf_holds(token, posted):
@@ -97,21 +114,20 @@ class ParticipantPages:
                     link=f"/p/{token}",
                 )
 
-        response = await self._desk.do(with_study)
+        response = await self._study_thread.do(with_study)
         if response is None:
             return self._expired(address)
         self._known.add(_hash(token))
         return response
 
     def _refusal(self, token: str, address: str) -> Response | None:
-        wait_s = self._guesses.wait_s(address)
+        wait_s = self._throttle.wait_s(address)
         if wait_s and _hash(token) not in self._known:
-            said = texts.TOO_MANY_TEXT.format(seconds=wait_s)
-            return message_page(texts.TOO_MANY_TITLE, said, status=429, wait_s=wait_s)
+            return too_many_page(wait_s)
         return self._expired(address) if len(token) > LONGEST_TOKEN else None
 
     def _expired(self, address: str) -> Response:
-        self._guesses.wrong(address)
+        self._throttle.wrong(address)
         return message_page(texts.EXPIRED_TITLE, texts.EXPIRED_TEXT, status=404)
 
 
@@ -126,3 +142,92 @@ def _token(request: Request) -> str:
 
 def _hash(token: str) -> bytes:
     return sha256(token.encode("utf-8", "replace")).digest()
+
+
+def keep_decision(context: ParticipantContext, posted: Form) -> Response:
+    """Keep the decision, if it was made about the text that is valid now."""
+    view = context.view()
+    phase = view.next_phase
+    decision = posted.get("decision")
+    if phase is None or phase.kind is not PhaseKind.CONSENT or decision not in ("yes", "no"):
+        return context.home_again()
+    version, _ = context.study.consent_text(context.participant)
+    if posted.get("version") != str(version):
+        return consent_page(context, view, phase, changed=True)
+    context.study.consent(context.participant, given=decision == "yes", shown=version)
+    return context.home_again()
+
+
+def leave_page(phase_id: str, context: ParticipantContext, posted: Form) -> Response:
+    """Finish a page that was only to be read."""
+    phase = _open_phase(context, phase_id)
+    if phase is not None and phase.kind in READING:
+        context.study.submit(context.participant, phase.id)
+    return context.home_again()
+
+
+def show_questions(
+    phase_id: str, number: int, context: ParticipantContext, posted: Form
+) -> Response:
+    """One questionnaire of the open phase; a page that is past leads to the present one."""
+    phase = _questions(context, phase_id, number)
+    return context.home_again() if phase is None else questions_page(context, phase, number)
+
+
+def hand_in(phase_id: str, number: int, context: ParticipantContext, posted: Form) -> Response:
+    """Keep what the form says; go on if nothing is missing, back if that was asked for."""
+    phase = _questions(context, phase_id, number)
+    if phase is None:  # handed in before: a second press of the button, or the back button
+        return context.home_again()
+    study, key = context.study, phase.questionnaires[number - 1]
+    questionnaire = study.questionnaire(key)
+    read = read_posted(questionnaire, posted, study.answers(context.participant, phase.id, key))
+    for item, value in read.answers.items():
+        study.save_answer(context.participant, phase.id, key, item, value)
+    if posted.get("go") == "back" and not read.wrong:
+        return RedirectResponse(questions_path(context, phase, max(1, number - 1)), 303)
+    missing = questionnaire.missing(study.answers(context.participant, phase.id, key))
+    marks = {item: texts.PLEASE_ANSWER for item in missing} | dict(read.wrong)
+    if marks:
+        return questions_page(context, phase, number, marks=marks, typed=read.typed)
+    if number < len(phase.questionnaires):
+        return RedirectResponse(questions_path(context, phase, number + 1), 303)
+    for other, lacking in study.submit(context.participant, phase.id).items():
+        if lacking:
+            marks = {item: texts.PLEASE_ANSWER for item in lacking}
+            return questions_page(
+                context, phase, phase.questionnaires.index(other) + 1, marks=marks
+            )
+    return context.home_again()
+
+
+def keep_answer(phase_id: str, number: int, context: ParticipantContext, posted: Form) -> Response:
+    """Keep one answer; says 204 only once it is durable."""
+    phase = _questions(context, phase_id, number)
+    if phase is None:
+        return PlainTextResponse(texts.CANNOT_SAVE, 409)
+    key, item, raw = phase.questionnaires[number - 1], posted.get("item", ""), posted.get("value")
+    questionnaire = context.study.questionnaire(key)
+    if raw is None or all(known.id != item for known in questionnaire.items):
+        return PlainTextResponse(texts.CANNOT_SAVE, 409)
+    try:
+        value = read_answer(questionnaire, item, raw)
+    except InvalidAnswer:
+        return PlainTextResponse(what_is_wrong(questionnaire.item(item)), 422)
+    try:
+        context.study.save_answer(context.participant, phase.id, key, item, value)
+    except StudyError as error:
+        return PlainTextResponse(str(error), 409)
+    return Response(status_code=204)
+
+
+def _open_phase(context: ParticipantContext, phase_id: str) -> Phase | None:
+    phase = context.view().next_phase
+    return phase if phase is not None and phase.id == phase_id else None
+
+
+def _questions(context: ParticipantContext, phase_id: str, number: int) -> Phase | None:
+    phase = _open_phase(context, phase_id)
+    if phase is None or phase.kind is not PhaseKind.QUESTIONNAIRES:
+        return None
+    return phase if 1 <= number <= len(phase.questionnaires) else None

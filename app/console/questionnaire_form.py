@@ -61,8 +61,8 @@ class Field:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Posted:
-    """What a form said.
+class PostedAnswers:
+    """What a form changes.
 
     Attributes:
         answers: by item; None where an answer was taken back.
@@ -102,7 +102,7 @@ def form_fields(
                 look=look,
                 points=points,
                 ends=ends,
-                value=(typed or {}).get(item.id, "" if kept is None else _plain(kept)),
+                value=(typed or {}).get(item.id, "" if kept is None else str(kept)),
                 mark=(marks or {}).get(item.id, ""),
                 hint=_hint(item.format),
                 unit=item.format.unit if isinstance(item.format, Number) else "",
@@ -114,7 +114,7 @@ def form_fields(
 
 def read_posted(
     questionnaire: Questionnaire, posted: Mapping[str, str], kept: Mapping[str, Value]
-) -> Posted:
+) -> PostedAnswers:
     """What a whole form changes about the answers that are kept."""
     answers: dict[str, Value | None] = {}
     wrong: dict[str, str] = {}
@@ -131,7 +131,7 @@ def read_posted(
             continue
         if value != kept.get(item.id):
             answers[item.id] = value
-    return Posted(answers=answers, wrong=wrong, typed=typed)
+    return PostedAnswers(answers=answers, wrong=wrong, typed=typed)
 
 
 def read_answer(questionnaire: Questionnaire, item: str, raw: str) -> Value | None:
@@ -177,7 +177,7 @@ def _look(
         words = (f"{kind.low}: {kind.low_label}", f"{kind.high}: {kind.high_label}")
         return "row", points, words
     if isinstance(kind, Choice):
-        options = tuple(Point(value=one.value, label=one.text) for one in kind.options)
+        options = tuple(Point(value=option.value, label=option.text) for option in kind.options)
         return "list", options, ("", "")
     return ("number" if isinstance(kind, Number) else "text"), (), ("", "")
 
@@ -188,7 +188,3 @@ def _hint(kind: AnswerFormat) -> str:
     if isinstance(kind, FreeText):
         return texts.LONGEST.format(longest=kind.longest)
     return ""
-
-
-def _plain(value: Value) -> str:
-    return str(value)

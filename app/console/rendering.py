@@ -26,10 +26,10 @@ def page(template: str, *, status: int = 200, **values: Any) -> HTMLResponse:
 
 
 def message_page(
-    title: str, *paragraphs: str, status: int, study: str = "", link: str = "", wait_s: int = 0
+    title: str, *paragraphs: str, status: int, study: str = "", link: str = ""
 ) -> HTMLResponse:
-    """A page that only says something; ``link`` is where one can go on."""
-    response = page(
+    """A page that only shows a message; ``link`` leads on from it."""
+    return page(
         "message.html.j2",
         status=status,
         study=study,
@@ -37,17 +37,22 @@ def message_page(
         paragraphs=paragraphs,
         link=link,
     )
-    if wait_s:
-        response.headers["retry-after"] = str(wait_s)
+
+
+def too_many_page(wait_s: int) -> HTMLResponse:
+    """Says how long to wait after too many wrong links or passwords."""
+    said = texts.TOO_MANY_TEXT.format(seconds=wait_s)
+    response = message_page(texts.TOO_MANY_TITLE, said, status=429)
+    response.headers["retry-after"] = str(wait_s)
     return response
 
 
 async def static_file(request: Request) -> Response:
     """One of the files of ``STATIC_TYPES``; a name never becomes a path."""
-    found = static_files().get(request.path_params["name"])
-    if found is None:
+    file = static_files().get(request.path_params["name"])
+    if file is None:
         return PlainTextResponse(texts.NOT_FOUND_TITLE, 404)
-    content, kind, tag = found
+    content, kind, tag = file
     headers = {"etag": tag, "cache-control": "no-cache"}
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers=headers)
@@ -58,10 +63,10 @@ async def static_file(request: Request) -> Response:
 def static_files() -> Mapping[str, tuple[bytes, str, str]]:
     """Content, type and entity tag, by name."""
     folder = files("steerlab.app.console") / "static"
-    read = {name: (folder / name).read_bytes() for name in STATIC_TYPES}
+    contents = {name: (folder / name).read_bytes() for name in STATIC_TYPES}
     return {
         name: (content, STATIC_TYPES[name], f'"{sha256(content).hexdigest()[:20]}"')
-        for name, content in read.items()
+        for name, content in contents.items()
     }
 
 

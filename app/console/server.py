@@ -13,8 +13,7 @@ from steerlab.app.console.app import make_app
 from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.config import ConsoleConfig
 from steerlab.app.console.sign_in import SignIn
-from steerlab.app.console.study_check_job import StudyCheckJob
-from steerlab.app.console.study_thread import StudyThread
+from steerlab.app.console.study_thread import StudyCheckJob, StudyThread
 from steerlab.app.console.wheel_run import RunView, WheelRuns
 from steerlab.sim.errors import InvalidConfig
 from steerlab.study.contract import StudyAccess
@@ -34,8 +33,8 @@ def serve(
 
     Args:
         folder: the study's, for the wheel phases' own processes.
-        open_study: is called on each thread that will use the study.
-        announce: is told each sign-in address; each works once.
+        open_study: called on each thread that will use the study.
+        announce: called with each sign-in address; each works once.
         device: at which participants sit, as for ``steerlab study run``.
 
     Returns:
@@ -50,18 +49,18 @@ def serve(
     port = listening.getsockname()[1]
     address = config.address(port)
     try:
-        desk = StudyThread(open_study)
+        study_thread = StudyThread(open_study)
         try:
             runs = WheelRuns(folder, device=device)
-            checkup = StudyCheckJob(open_study)
-            changes = ChangeFeed(desk, runs.mark, checkup.mark)
+            check_job = StudyCheckJob(open_study)
+            changes = ChangeFeed(study_thread, runs.mark, check_job.mark)
             sign_in = SignIn(
                 announce=lambda token: announce(f"{address}/enter/{token}"), password=password
             )
             app = make_app(
-                desk,
+                study_thread,
                 runs,
-                checkup,
+                check_job,
                 sign_in,
                 origins=config.origins(port),
                 address=address,
@@ -75,7 +74,7 @@ def serve(
             runs.close()
             return last
         finally:
-            desk.close()
+            study_thread.close()
     finally:
         listening.close()
 
@@ -117,10 +116,10 @@ def _server_config(app: object, config: ConsoleConfig) -> uvicorn.Config:
 
 def _bind(config: ConsoleConfig) -> socket.socket:
     try:
-        found = socket.getaddrinfo(
+        addresses = socket.getaddrinfo(
             config.host, config.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
-        family, kind, protocol, _, where = found[0]
+        family, kind, protocol, _, where = addresses[0]
         listening = socket.socket(family, kind, protocol)
         try:
             listening.setsockopt(socket.SOL_SOCKET, _address_option(), 1)

@@ -1,12 +1,15 @@
-"""One thread on which the study is used, since a study belongs to the thread that opened it."""
+"""The threads on which the console uses a study, which belongs to the thread that opened it."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from typing import TypeVar
 
-from steerlab.study.contract import StudyAccess
+from steerlab.sim.errors import SteerlabError
+from steerlab.study.contract import StudyAccess, StudyCheck
 
 T = TypeVar("T")
 
@@ -42,3 +45,63 @@ def _enter(
 ) -> tuple[AbstractContextManager[StudyAccess], StudyAccess]:
     opened = open_study()
     return opened, opened.__enter__()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StudyCheckResults:
+    """Results of the last checks of the whole study.
+
+    Attributes:
+        at: when, in UTC; empty before the first have ended.
+        failure: why they could not be done; empty if they could.
+        busy: new checks are running.
+    """
+
+    at: str = ""
+    findings: Sequence[StudyCheck] = ()
+    failure: str = ""
+    busy: bool = False
+
+
+class StudyCheckJob:
+    """Checks the whole study on a thread of its own, so that no page waits for the checks."""
+
+    def __init__(
+        self,
+        open_study: Callable[[], AbstractContextManager[StudyAccess]],
+        now: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
+        self._open_study = open_study
+        self._now = now
+        self._done = StudyCheckResults()
+        self._task: asyncio.Task[None] | None = None
+
+    def view(self) -> StudyCheckResults:
+        """The last results, and whether new checks are running."""
+        return replace(self._done, busy=self._is_busy())
+
+    def mark(self) -> str:
+        """Differs whenever checks have begun or ended."""
+        return f"{self._done.at}:{self._is_busy()}"
+
+    def start(self) -> None:
+        """Begin, unless checks are running; to be called in the event loop."""
+        if not self._is_busy():
+            self._task = asyncio.create_task(self._check())
+
+    def _is_busy(self) -> bool:
+        return self._task is not None and not self._task.done()
+
+    async def _check(self) -> None:
+        findings: Sequence[StudyCheck] = ()
+        failure = ""
+        try:
+            findings = await asyncio.to_thread(self._findings)
+        except (SteerlabError, OSError) as error:
+            failure = str(error)
+        at = self._now().strftime("%H:%M:%S")
+        self._done = StudyCheckResults(at=at, findings=findings, failure=failure)
+
+    def _findings(self) -> Sequence[StudyCheck]:
+        with self._open_study() as study:
+            return study.findings(None)

@@ -1,4 +1,4 @@
-"""What takes long, each in a process of its own: phases at the wheel, and erasing somebody's data.
+"""Long work in processes of their own: phases at the wheel, and erasing a participant's data.
 
 Erasing may train the network anew, which would hold up every page if the console did it.
 """
@@ -7,13 +7,15 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from threading import Lock
 
 from steerlab.app.console import texts
-from steerlab.app.console.run_output import RunOutput
 from steerlab.sim.files.own_process import apart_from_terminal
 from steerlab.study.contract import Phase, StudyError
 
@@ -25,7 +27,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunView:
-    """The run that goes on, or the last one.
+    """The run that is going on, or the last one.
 
     Attributes:
         phase: its id; empty while data are erased.
@@ -43,12 +45,12 @@ class RunView:
 
     @property
     def goes_on(self) -> bool:
-        """The process lives."""
+        """Whether the process still runs."""
         return self.code is None
 
 
 class WheelRuns:
-    """Does one thing at a time; it lives on if the console dies."""
+    """Starts one process at a time; a process goes on if the console ends."""
 
     def __init__(
         self,
@@ -68,7 +70,7 @@ class WheelRuns:
         self._what = ("", "", "", "")  # participant, phase, title, since
 
     def view(self) -> RunView | None:
-        """How the last run stands; None before the first."""
+        """The current or last run; None before the first."""
         if self._process is None:
             return None
         participant, phase, title, since = self._what
@@ -152,3 +154,44 @@ def _check_names(*names: str) -> None:
     for name in names:
         if not _PLAIN.fullmatch(name):
             raise StudyError(f"{name!r} cannot be an id; use letters, digits, '-' and '_'.")
+
+
+class RunOutput:
+    """What a process writes, in a file: unlike a pipe, it goes on if the console ends.
+
+    Its name is removed at once, so nothing is left of it when both processes have ended. Windows
+    cannot remove the name of an open file: there it stays in the folder for temporary files until
+    ``close``, and longer if the process still writes or the console was killed.
+
+    Attributes:
+        sink: for the process's stdout; ``handed_over`` closes it here.
+    """
+
+    def __init__(self) -> None:
+        handle, name = tempfile.mkstemp(prefix="steerlab-run-")
+        self._path = Path(name)
+        self.sink = os.fdopen(handle, "wb")
+        self._reading = self._path.open("rb")  # its position is not that of the process
+        self._lock = Lock()
+        self._forget_name()
+
+    def handed_over(self) -> None:
+        """The process has the sink."""
+        self.sink.close()
+
+    def tail(self, most: int) -> bytes:
+        """The last ``most`` bytes so far."""
+        with self._lock:
+            size = self._reading.seek(0, os.SEEK_END)
+            self._reading.seek(max(0, size - most))
+            return self._reading.read(most)
+
+    def close(self) -> None:
+        """Read no more; the process may go on writing."""
+        self.sink.close()
+        self._reading.close()
+        self._forget_name()
+
+    def _forget_name(self) -> None:
+        with suppress(PermissionError):  # Windows, while it is open
+            self._path.unlink(missing_ok=True)

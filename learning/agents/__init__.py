@@ -1,11 +1,10 @@
-"""Interactive learners on camera images: one loop, and a small file for each of them."""
+"""Interactive learners on camera images: one loop, and a gate and a label rule for each learner."""
 
 from steerlab.learning.agents.catalogue import LEARNERS, baseline_of, make_agent
 from steerlab.learning.agents.contract import Agent, Episode, Gate, LabelRule, Learner, Targets
 from steerlab.learning.agents.evaluation import DriveResult, evaluate
 from steerlab.learning.agents.learner import PolicyLearner
-from steerlab.learning.agents.offline import demonstrate_offline, teach_offline
-from steerlab.learning.agents.play import play
+from steerlab.learning.agents.offline import demonstrate_offline, play, teach_offline
 from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.agents.teaching import (
     BallNeverReached,

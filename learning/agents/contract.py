@@ -1,7 +1,7 @@
-"""What a learner, a gate and a label rule are; every interactive learner is made of these three."""
+"""Protocols and records of interactive learners: learner, gate, label rule, episode."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
@@ -10,9 +10,9 @@ import numpy as np
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.policy import Observations
 from steerlab.learning.policy_training import Progress, TrainingRows, no_progress
-from steerlab.sim.arrays import FloatArray
+from steerlab.sim.arrays import BoolArray, FloatArray
 from steerlab.sim.records import Driver
-from steerlab.sim.rollout import BoolArray, Outcome, Rollout
+from steerlab.sim.rollout import Outcome, Rollout
 
 
 class Watching(StrEnum):
@@ -23,7 +23,7 @@ class Watching(StrEnum):
 
 
 class Learner(Protocol):
-    """Drives, says how much it doubts, and learns from rows."""
+    """A policy that drives, states its doubt, and learns from rows."""
 
     def act(self, seen: Observations) -> FloatArray:
         """Wheel positions (rows,) within ±``WHEEL_LIMIT``."""
@@ -63,13 +63,13 @@ class GateInput:
 
 
 class Gate(Protocol):
-    """Says who drives."""
+    """Decides who drives."""
 
     watching: Watching
     needs_doubt: bool
 
     def begin(self, round_number: int, rng: np.random.Generator) -> None:
-        """A new drive."""
+        """Prepare for a new drive."""
         ...
 
     def who_drives(self, moment: GateInput) -> Driver:
@@ -79,13 +79,13 @@ class Gate(Protocol):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Episode:
-    """One drive as it was; columns of control steps, and rows of decisions.
+    """One finished drive: columns of control steps, and rows of decisions.
 
     Attributes:
         rollout: every control step; ``robot_wheel`` is what the learner asked for, held between
             decisions, or what was driven where there was no learner.
         feedback: (steps,) the teacher's labels for the whole drive, given afterwards by someone who
-            watched it; what a condition makes of them, and what it had to ask for, is its rule's.
+            watched it; the label rule decides which of them count and were asked for.
         live: (steps,) the teacher's wheel while driving; NaN elsewhere.
         teacher_drives: (decisions,) who held the wheel.
         seen: the observations at each decision.
@@ -105,7 +105,7 @@ class Episode:
 
     @property
     def outcome(self) -> Outcome:
-        """How it ended."""
+        """How the drive ended."""
         return self.rollout.outcome
 
     @property
@@ -179,4 +179,3 @@ class Agent:
     ensemble: int = 1
     doubts: str = "none"
     demonstration_is_oracle: bool = False
-    notes: tuple[str, ...] = field(default=())

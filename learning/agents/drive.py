@@ -1,7 +1,7 @@
-"""A drive of a round, and the two who decide in it: the learner, and the gate that says who drives.
+"""A drive of a round: the learner at the wheel, and the gate that says who drives.
 
-Both decide at every ``HELD_STEPS``-th control step, and what they decided is held in between. The
-same two serve a drive as fast as the computer allows (``play.py``) and one before a window.
+Both decide at every ``HELD_STEPS``-th control step, and the decision is held in between. The same
+code serves simulated drives (``offline.py``) and real-time ones in a window.
 """
 
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ from steerlab.sim.rollout import Outcome
 from steerlab.sim.tasks import HELD_STEPS, Start, draw_task_start, redraw_noise
 
 NAN = float("nan")
-NOTHING_LEARNT = 0.0  # the wheel of a robot that nobody has shown anything yet
+NOTHING_LEARNT = 0.0  # the wheel of a robot that has not learned anything yet
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RoundDrive:
-    """A drive that is to be done.
+    """A drive to be driven.
 
     Attributes:
         learner: None in the first demonstration, which the teacher drives.
@@ -49,10 +49,10 @@ class RoundDrive:
 
     @cached_property
     def start(self) -> Start:
-        """Where it begins, and the noise that is added to whatever wheel is executed.
+        """Where it begins, and the noise that is added to the executed wheel.
 
-        They depend on seed and round, on no condition; the first demonstration meets other noise
-        at each attempt.
+        They depend on seed and round, not on the condition; the first demonstration meets other
+        noise at each attempt.
         """
         start = draw_task_start(self.env.task, "teach", self.seed, self.number)
         if self.number == 0:
@@ -60,14 +60,14 @@ class RoundDrive:
         return start
 
     def gate_rng(self) -> np.random.Generator:
-        """What a gate draws from; the same in every attempt."""
+        """The gate's random generator; the same in every attempt."""
         return np.random.default_rng([self.seed, self.number, 0x6A7E])
 
 
 class Robot:
     """The learner at the wheel: looks and decides at every ``HELD_STEPS``-th step.
 
-    Asking it twice about a step changes nothing, so whoever labels may ask as well.
+    Asking it twice about a step changes nothing, so a labeller may ask as well.
 
     Args:
         env: the car that it drives.
@@ -85,7 +85,7 @@ class Robot:
         self.begin()
 
     def begin(self) -> None:
-        """A new attempt: nothing has been seen."""
+        """Start a new attempt, forgetting what was seen."""
         self._seen: list[Observations] = []
         self._wheel = NOTHING_LEARNT
         self.doubt = NAN
@@ -100,7 +100,7 @@ class Robot:
 
     @property
     def seen(self) -> Observations:
-        """What it saw at each decision of this attempt."""
+        """The observations at each decision of this attempt."""
         return stack(self._seen)
 
     def _decide(self, seen: Observations) -> None:
@@ -112,7 +112,7 @@ class Robot:
 
 
 class HeldGate:
-    """A gate that is asked at decisions only; in between, whoever drives goes on.
+    """A gate that is asked at decisions only; in between, the same driver goes on.
 
     Args:
         least_given: decisions for which the teacher keeps the wheel at least.

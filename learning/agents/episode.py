@@ -1,12 +1,12 @@
-"""From what a finished drive left to the episode that a learner learns from."""
+"""Builds the episode that a learner learns from out of a finished drive's arrays."""
 
 import numpy as np
 
 from steerlab.learning.agents.contract import Episode, Targets
 from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.policy import Observations
-from steerlab.sim.arrays import FloatArray
-from steerlab.sim.rollout import BoolArray, Outcome, Rollout
+from steerlab.sim.arrays import BoolArray, FloatArray
+from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.tasks import HELD_STEPS
 
 
@@ -22,13 +22,13 @@ def make_rollout(
     truth: FloatArray,
     physics_state: FloatArray,
 ) -> Rollout:
-    """A drive in ``env`` at each control step, whoever drove and in whichever time.
+    """The rollout of a drive in ``env``, at each control step.
 
     Args:
         pose: (steps, 3) x_m, y_m, heading_rad.
         velocity, acceleration: (steps, 3) and (steps, 2), in the car's frame.
         robot_wheel: (steps,) what the learner asked for.
-        truth: (steps,) ground truth; NaN where no way leads to the ball.
+        truth: (steps,) ground truth; NaN where no path leads to the ball.
         physics_state: (steps, n); n is 0 where it was not kept.
     """
     hz = env.task.driving.control_hz
@@ -59,7 +59,7 @@ def make_episode(
     number: int,
     person: str,
 ) -> Episode:
-    """What a label rule reads.
+    """The episode that a label rule reads.
 
     Args:
         teacher_wheel: (steps,) the teacher's; NaN where there is none.
@@ -83,7 +83,7 @@ def make_episode(
 
 
 def decision_rows(steps: int) -> np.ndarray:
-    """The control steps, of so many, at which robot and gate decided."""
+    """The control steps, out of ``steps``, at which robot and gate decided."""
     return np.arange(0, steps, HELD_STEPS)
 
 

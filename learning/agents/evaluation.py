@@ -1,4 +1,4 @@
-"""How well a policy drives: from all starts in lock step, with one batched look at the network."""
+"""How well a policy drives: from all starts in lock step, with one batched call of the network."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -58,10 +58,11 @@ class _Car:
 def evaluate(
     env: TaskEnv, learner: Learner, starts: Sequence[Start], progress: Progress = no_progress
 ) -> list[DriveResult]:
-    """Drive from each of ``starts`` under its noise; nobody teaches.
+    """Drive the learner from each of ``starts`` under its noise, without a teacher.
 
     Args:
-        progress: told the share of the time limit at each decision; what it raises ends it all.
+        progress: told the share of the time limit at each decision; what it raises ends the
+            evaluation.
     """
     cars = [_Car(env, start) for start in starts]
     for decision in range(env.task.decisions):

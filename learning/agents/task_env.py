@@ -14,7 +14,7 @@ from steerlab.sim.tasks import Screened, Task, screen_starts
 
 
 class TaskEnv:
-    """Holds what is dear to make; not for use by several threads at once. Close it when done.
+    """Physics, planner and camera, each slow to make; not thread-safe. Close it when done.
 
     Args:
         seed: of the planner's trees and of the screened starts.
@@ -44,7 +44,7 @@ class TaskEnv:
         return self._camera.frame()
 
     def context(self, name: str, *, number: int, order: int, attempt: int) -> DriveContext:
-        """Of a drive of round ``number`` here."""
+        """The context of a drive of round ``number`` in this task."""
         config = self.task.driving
         return DriveContext(
             name=name,
@@ -56,7 +56,7 @@ class TaskEnv:
         )
 
     def oracle(self, state: DrivingState) -> float:
-        """Ground truth for a state; NaN where no way leads to the ball."""
+        """Ground truth for a state; NaN where no path leads to the ball."""
         try:
             return self.planner.label(state.pose, float(state.velocity[0]))
         except NoPath:

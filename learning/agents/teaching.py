@@ -9,13 +9,13 @@ from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 
-from steerlab.learning.agents.common import TeacherDrives, WhereTeacherDrives
 from steerlab.learning.agents.contract import Agent, Episode, Targets
 from steerlab.learning.agents.drive import RoundDrive
 from steerlab.learning.agents.episode import label_errors
 from steerlab.learning.agents.evaluation import DriveResult, evaluate
+from steerlab.learning.agents.gates import TeacherDrives
+from steerlab.learning.agents.label_rules import OracleLabelRule, WhereTeacherDrives
 from steerlab.learning.agents.learner import PolicyLearner
-from steerlab.learning.agents.oracle import OracleLabelRule
 from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.agents.teaching_contract import (
     AfterRest,

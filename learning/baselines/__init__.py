@@ -2,13 +2,25 @@
 
 from collections.abc import Callable, Collection, Mapping
 
-from steerlab.learning.baselines.gain import PersonGainMapper, SharedGainMapper
-from steerlab.learning.baselines.gain_lag import PersonGainLagMapper
-from steerlab.learning.baselines.given_embedding import NoEmbeddingMapper, TrueStyleMapper
-from steerlab.learning.baselines.identity import IdentityMapper
-from steerlab.learning.baselines.left_out import LEAST_RATE_HZ, left_out
-from steerlab.learning.baselines.names import BASELINES, CEILING, FULL_ONLY
-from steerlab.learning.baselines.other_embedding import MeanEmbeddingMapper, ShuffledEmbeddingMapper
+from steerlab.learning.baselines.ablations import (
+    MeanEmbeddingMapper,
+    NoEmbeddingMapper,
+    ShuffledEmbeddingMapper,
+    TrueStyleMapper,
+)
+from steerlab.learning.baselines.gain import (
+    IdentityMapper,
+    PersonGainLagMapper,
+    PersonGainMapper,
+    SharedGainMapper,
+)
+from steerlab.learning.baselines.left_out import (
+    BASELINES,
+    CEILING,
+    FULL_ONLY,
+    LEAST_RATE_HZ,
+    left_out,
+)
 from steerlab.learning.baselines.ridge import PersonRidgeMapper, SharedRidgeMapper
 from steerlab.learning.empirical_bayes.mapper import EmpiricalBayesMapper
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
@@ -39,7 +51,7 @@ __all__ = [
 
 def fit_baselines(
     mind_meld: MindMeldMapper,
-    parts: StudySplit,
+    study: StudySplit,
     *,
     seed: int,
     on_step: Callable[[float], None],
@@ -50,11 +62,11 @@ def fit_baselines(
     """Every baseline, fitted on the training people and calibrated on the new ones, in order.
 
     Args:
-        mind_meld: fitted and calibrated on ``parts``.
+        mind_meld: fitted and calibrated on ``study``.
         parts: the study; held-out series are not read.
-        seed: of whatever is trained.
+        seed: of the mappers that are trained.
         on_step: told which share of the baselines is fitted, 0 to 1.
-        without: baselines not to build: what ``left_out`` finds for ``parts``.
+        without: baselines not to build: what ``left_out`` finds for ``study``.
         styles: everyone's true style, where the teachers are scripted; without them there is no
             ceiling.
         paper: the settings of ``mind_meld_paper``.
@@ -86,8 +98,8 @@ def fit_baselines(
     wanted = [name for name in builders if name not in without]
     for name in wanted:
         baseline = builders[name]()
-        baseline.fit(parts.train_seen)
-        baseline.calibrate(parts.calibrate_new)
+        baseline.fit(study.train_seen)
+        baseline.calibrate(study.calibrate_new)
         fitted[name] = baseline
         on_step(len(fitted) / len(wanted))
     sharing = (MeanEmbeddingMapper(mind_meld), ShuffledEmbeddingMapper(mind_meld), mind_meld)

@@ -1,17 +1,43 @@
-"""Which baselines cannot be judged on given labels, and why: it is said, never faked."""
+"""The baselines by name, and which of them cannot be judged on given labels, with the reason.
+
+Every report and every ``summary.json`` uses these names.
+"""
 
 from collections.abc import Sequence
 from math import pi
 
 import numpy as np
 
-from steerlab.learning.baselines.names import CEILING, FULL_ONLY
 from steerlab.learning.empirical_bayes.grid import RATE_HZ, GridSeries
-from steerlab.learning.people import by_person
 from steerlab.learning.presets import PAPER, MapperConfig
-from steerlab.learning.series import CONTEXT, LabelSeries
+from steerlab.learning.series import CONTEXT, LabelSeries, by_person
 from steerlab.learning.splits import StudySplit
 from steerlab.sim.vehicle import WHEEL_LIMIT
+
+BASELINES = (
+    "identity",
+    "shared_gain",
+    "person_gain",
+    "person_gain_lag",
+    "shared_ridge",
+    "person_ridge",
+    "no_embedding",
+    "mean_embedding",
+    "shuffled_embedding",
+    "mind_meld",
+    "mind_meld_paper",
+    "eb_nonlinear",
+    "sim_pretrained",
+    "sim_pretrained_context",
+)
+"""Every baseline. A baseline that cannot be judged is named with the reason, see ``left_out``."""
+
+CEILING = "true_style"
+"""Told the teachers' true styles: a reference, not a method."""
+
+FULL_ONLY = ("no_embedding", "mind_meld_paper", CEILING)
+"""These train a network each; the quick choice does without."""
+
 
 LEAST_RATE_HZ = 1.0
 """Below it the window of ±1 s of the baselines on a 20 Hz grid holds no second label. Down to it they
@@ -29,7 +55,7 @@ def left_out(
     full: bool,
     styles_known: bool = False,
 ) -> dict[str, str]:
-    """Rungs to leave out, by key, each with the reason as a clause; the same for all ``studies``.
+    """Baselines to leave out, each with the reason as a clause; the same for all ``studies``.
 
     Args:
         studies: what will be fitted and judged, such as the folds of one table.
@@ -48,13 +74,13 @@ def left_out(
     series = _each_once(studies)
     if why := _without_motion(series):
         reasons["sim_pretrained_context"] = why
-    if any(len({one.person for one in study.train_seen}) < 2 for study in studies):
+    if any(len({drive.person for drive in study.train_seen}) < 2 for study in studies):
         reasons["eb_nonlinear"] = "a prior over people takes two to train on, and there is 1"
-    for baseline, whose in (("shared_ridge", ""), ("person_ridge", " by one person")):
-        if any(_rollouts(study, each=bool(whose)) < 2 for study in studies):
+    for baseline, by_whom in (("shared_ridge", ""), ("person_ridge", " by one person")):
+        if any(_rollouts(study, each=bool(by_whom)) < 2 for study in studies):
             reasons[baseline] = (
-                f"its penalty is chosen by leaving a rollout out, and there is only one{whose} to "
-                f"train on"
+                f"its penalty is chosen by leaving a rollout out, and there is only one{by_whom} "
+                f"to train on"
             )
     if why := _off_grid(studies, series):
         reasons |= dict.fromkeys(_ON_GRID, why)
@@ -63,19 +89,19 @@ def left_out(
 
 def _each_once(studies: Sequence[StudySplit]) -> list[LabelSeries]:
     parts = ("train_seen", "held_out_seen", "calibrate_new", "held_out_new")
-    everything = (one for study in studies for part in parts for one in getattr(study, part))
-    return list({id(one): one for one in everything}.values())
+    everything = (drive for study in studies for part in parts for drive in getattr(study, part))
+    return list({id(drive): drive for drive in everything}.values())
 
 
 def _rollouts(study: StudySplit, *, each: bool) -> int:
-    """Rollouts to train on: of everyone together, or of whoever has most."""
-    usable = [one for one in study.train_seen if one.valid.any()]
+    """Number of rollouts to train on: of everyone together, or the most that one person has."""
+    usable = [drive for drive in study.train_seen if drive.valid.any()]
     groups = by_person(usable).values() if each else [usable]
-    return max((len({one.rollout for one in own}) for own in groups), default=0)
+    return max((len({drive.rollout for drive in drives}) for drives in groups), default=0)
 
 
 def _without_motion(series: Sequence[LabelSeries]) -> str | None:
-    names = {one.context_names for one in series}
+    names = {drive.context_names for drive in series}
     if missing := [name for name in CONTEXT if any(name not in has for has in names)]:
         return f"it reads the car’s own motion, and the labels come without {', '.join(missing)}"
     wheel = _largest(series, "robot_wheel")
@@ -93,22 +119,26 @@ def _without_motion(series: Sequence[LabelSeries]) -> str | None:
 
 
 def _largest(series: Sequence[LabelSeries], name: str) -> float:
-    return max(float(np.abs(one.context[:, one.context_names.index(name)]).max()) for one in series)
+    return max(
+        float(np.abs(drive.context[:, drive.context_names.index(name)]).max()) for drive in series
+    )
 
 
 def _off_grid(studies: Sequence[StudySplit], series: Sequence[LabelSeries]) -> str | None:
     """Why labels cannot be read at ``RATE_HZ``."""
-    slowest = min(one.rate_hz for one in series)
+    slowest = min(drive.rate_hz for drive in series)
     if slowest < LEAST_RATE_HZ:
         return (
             f"labels come at {slowest:g} Hz, and below {LEAST_RATE_HZ:g} Hz its window of ±1 s "
             f"holds no second one"
         )
-    whole = {id(one) for one in series if one.valid.all()}  # whoever has one needs no look
+    whole = {
+        id(drive) for drive in series if drive.valid.all()
+    }  # a person who has one needs no check
     for study in studies:
         for learned in (study.train_seen, study.calibrate_new):
-            for person, own in by_person(learned).items():
-                if not any(id(one) in whole or _on_grid(one) for one in own):
+            for person, drives in by_person(learned).items():
+                if not any(id(drive) in whole or _on_grid(drive) for drive in drives):
                     return (
                         f"it reads labels at {RATE_HZ:g} Hz, and {person!r} has no valid label at "
                         f"such a moment"

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from steerlab.learning.errors import InvalidLabels, NotFitted
-from steerlab.learning.people import by_person, of_person
-from steerlab.learning.series import LabelSeries
+from steerlab.learning.series import LabelSeries, by_person, lookup_person
 from steerlab.learning.windows import WindowConfig, make_windows
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
@@ -68,7 +67,7 @@ class SharedRidgeMapper:
         Raises:
             InvalidLabels: no valid step, or only one rollout to choose the penalty with.
         """
-        everyone = moments(series, self._window)
+        everyone = ridge_sums(series, self._window)
         penalty = choose_penalty([everyone], self._penalties)
         self._coefficients = everyone.coefficients(np.array([penalty]))[0]
 
@@ -110,10 +109,13 @@ class PersonRidgeMapper:
         Raises:
             InvalidLabels: someone without a valid step, or nobody with two rollouts.
         """
-        people = {person: moments(own, self._window) for person, own in by_person(series).items()}
+        people = {
+            person: ridge_sums(drives, self._window) for person, drives in by_person(series).items()
+        }
         self._penalty = choose_penalty(list(people.values()), self._penalties)
         self._coefficients = {
-            person: own.coefficients(np.array([self._penalty]))[0] for person, own in people.items()
+            person: sums.coefficients(np.array([self._penalty]))[0]
+            for person, sums in people.items()
         }
 
     def calibrate(self, series: Sequence[LabelSeries]) -> None:
@@ -125,8 +127,8 @@ class PersonRidgeMapper:
         """
         if self._penalty is None:
             raise NotFitted(f"{self.name} has no penalty yet; call fit.")
-        for person, own in by_person(series).items():
-            fitted = moments(own, self._window).coefficients(np.array([self._penalty]))
+        for person, drives in by_person(series).items():
+            fitted = ridge_sums(drives, self._window).coefficients(np.array([self._penalty]))
             self._coefficients[person] = fitted[0]
 
     def map(self, series: LabelSeries) -> FloatArray:
@@ -135,28 +137,28 @@ class PersonRidgeMapper:
         Raises:
             UnknownPerson: the person was neither fitted nor calibrated.
         """
-        coefficients = of_person(self._coefficients, self.name, series.person)
+        coefficients = lookup_person(self._coefficients, self.name, series.person)
         return _map(series, self._window, coefficients)
 
 
-def moments(series: Sequence[LabelSeries], window: WindowConfig) -> RidgeSums:
+def ridge_sums(series: Sequence[LabelSeries], window: WindowConfig) -> RidgeSums:
     """Sums over the valid windows of ``series``, series of one rollout together.
 
     Raises:
         InvalidLabels: no valid step.
     """
     rollouts: dict[str, list[LabelSeries]] = {}
-    for one in series:
-        if one.valid.any():
-            rollouts.setdefault(one.rollout, []).append(one)
+    for drive in series:
+        if drive.valid.any():
+            rollouts.setdefault(drive.rollout, []).append(drive)
     if not rollouts:
-        whose = repr(series[0].person) if series else "No one"
-        raise InvalidLabels(f"{whose} has no valid label to fit a window to; label a rollout.")
+        subject = repr(series[0].person) if series else "No one"
+        raise InvalidLabels(f"{subject} has no valid label to fit a window to; label a rollout.")
     gram, product, square = [], [], []
-    for own in rollouts.values():
-        valid = np.concatenate([one.valid for one in own])
-        x = np.concatenate([features(one, window) for one in own])[valid]
-        difference = np.concatenate([one.label - one.truth for one in own])[valid]
+    for drives in rollouts.values():
+        valid = np.concatenate([drive.valid for drive in drives])
+        x = np.concatenate([features(drive, window) for drive in drives])[valid]
+        difference = np.concatenate([drive.label - drive.truth for drive in drives])[valid]
         gram.append(x.T @ x)
         product.append(x.T @ difference)
         square.append(float(difference @ difference))
@@ -169,12 +171,12 @@ def choose_penalty(people: Sequence[RidgeSums], penalties: FloatArray) -> float:
     Raises:
         InvalidLabels: nobody has two rollouts.
     """
-    several = [one for one in people if len(one.square) > 1]
-    if not several:
+    choosing = [sums for sums in people if len(sums.square) > 1]
+    if not choosing:
         raise InvalidLabels(
             "Nobody has two rollouts; leaving one out needs two to choose a ridge penalty."
         )
-    error = np.sum([one.left_out_error(penalties) for one in several], axis=0)
+    error = np.sum([sums.left_out_error(penalties) for sums in choosing], axis=0)
     return float(penalties[np.argmin(error)])
 
 

@@ -33,7 +33,7 @@ class Moments:
 
     @classmethod
     def of(cls, x: FloatArray, y: FloatArray) -> "Moments":
-        """Of one person's rows: x (rows, features), y (rows,)."""
+        """Moments of one person's rows: x (rows, features), y (rows,)."""
         return cls(
             xx=(x.T @ x)[None],
             xy=(x.T @ y)[None],
@@ -42,23 +42,23 @@ class Moments:
         )
 
     @classmethod
-    def concatenate(cls, parts: "list[Moments]") -> "Moments":
-        """Put people one after another."""
+    def concatenate(cls, moments: "list[Moments]") -> "Moments":
+        """Moments of all people of ``moments``, in order."""
         return cls(
-            xx=np.concatenate([part.xx for part in parts]),
-            xy=np.concatenate([part.xy for part in parts]),
-            yy=np.concatenate([part.yy for part in parts]),
-            rows=np.concatenate([part.rows for part in parts]),
+            xx=np.concatenate([part.xx for part in moments]),
+            xy=np.concatenate([part.xy for part in moments]),
+            yy=np.concatenate([part.yy for part in moments]),
+            rows=np.concatenate([part.rows for part in moments]),
         )
 
     def __getitem__(self, people: slice | list[int]) -> "Moments":
-        """Some of the people."""
+        """The chosen people."""
         return Moments(
             xx=self.xx[people], xy=self.xy[people], yy=self.yy[people], rows=self.rows[people]
         )
 
     def __add__(self, other: "Moments") -> "Moments":
-        """Of the same people with the rows of ``other`` too."""
+        """Moments of the same people with the rows of ``other`` added."""
         return Moments(
             xx=self.xx + other.xx,
             xy=self.xy + other.xy,
@@ -113,7 +113,7 @@ class Posterior:
 
 
 def posterior(moments: Moments, prior: Prior, iterations: int = 4) -> Posterior:
-    """Exact for a known noise; the noise is found by a few EM steps from the prior's."""
+    """Everyone's posterior: exact for a known noise, which a few EM steps from the prior's find."""
     precision = _inverse(prior.covariance)
     pull = precision @ prior.mean
     noise = np.full(len(moments.rows), prior.noise)

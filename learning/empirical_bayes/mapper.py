@@ -4,11 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from steerlab.learning.empirical_bayes.features import label_features, whole_window
 from steerlab.learning.empirical_bayes.gaussian import Moments, Prior, fit_prior, posterior
-from steerlab.learning.empirical_bayes.grid import GridSeries, from_grid
-from steerlab.learning.errors import InvalidLabels, NotFitted, UnknownPerson
-from steerlab.learning.series import LabelSeries
+from steerlab.learning.empirical_bayes.grid import (
+    GridSeries,
+    from_grid,
+    label_features,
+    whole_window,
+)
+from steerlab.learning.errors import InvalidLabels, NotFitted
+from steerlab.learning.series import LabelSeries, lookup_person
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
@@ -57,12 +61,9 @@ class EmpiricalBayesMapper:
         Raises:
             UnknownPerson: the person was neither fitted nor calibrated.
         """
-        if series.person not in self._coefficients:
-            raise UnknownPerson(
-                f"{self.name} does not know {series.person!r}; call calibrate with their series."
-            )
+        coefficients = lookup_person(self._coefficients, self.name, series.person)
         grid = GridSeries.from_series(series)
-        mapped = label_features(grid.label) @ self._coefficients[series.person]
+        mapped = label_features(grid.label) @ coefficients
         at_steps = np.clip(from_grid(mapped, series), -WHEEL_LIMIT, WHEEL_LIMIT)
         return np.where(np.isfinite(series.label), at_steps, np.nan)
 
@@ -76,16 +77,16 @@ def inverse_moments(series: Sequence[LabelSeries]) -> tuple[tuple[str, ...], Mom
         InvalidLabels: no series, or someone without a valid label.
     """
     people: dict[str, Moments] = {}
-    for one in series:
-        grid = GridSeries.from_series(one)
+    for drive in series:
+        grid = GridSeries.from_series(drive)
         rows = grid.valid & whole_window(grid.present)
         if not rows.any():
             rows = grid.valid
-        own = Moments.of(label_features(grid.label)[rows], grid.truth[rows])
-        people[one.person] = people[one.person] + own if one.person in people else own
+        sums = Moments.of(label_features(grid.label)[rows], grid.truth[rows])
+        people[drive.person] = people[drive.person] + sums if drive.person in people else sums
     if not people:
         raise InvalidLabels("No label series given; calibration needs at least one.")
-    for person, own in people.items():
-        if not own.rows.any():
+    for person, sums in people.items():
+        if not sums.rows.any():
             raise InvalidLabels(f"{person!r} has no valid label to calibrate on; label a rollout.")
     return tuple(people), Moments.concatenate(list(people.values()))

@@ -12,8 +12,7 @@ from steerlab.learning.empirical_bayes.grid import RATE_HZ
 from steerlab.learning.errors import UnknownPerson
 from steerlab.learning.pretrained.mapper import EstimatedStyle, SimPretrainedMapper
 from steerlab.learning.pretrained.model import PretrainedModel
-from steerlab.learning.pretrained.teachers import TeacherRanges
-from steerlab.learning.pretrained.true_style import known_style
+from steerlab.learning.pretrained.teachers import TeacherRanges, known_style
 from steerlab.learning.series import LabelSeries
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.populations import HUMAN
@@ -56,7 +55,7 @@ class CeilingMapper(SimPretrainedMapper):
             InvalidLabels: no series, or someone without a valid label.
         """
         super().calibrate(series)
-        for person in dict.fromkeys(one.person for one in series):
+        for person in dict.fromkeys(drive.person for drive in series):
             if person not in self._teachers:
                 raise UnknownPerson(f"The true style of {person!r} was not given to the ceiling.")
             self._people[person] = EstimatedStyle(

@@ -5,19 +5,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from steerlab.learning.pretrained.drive import PretrainingDrive
-from steerlab.sim.calibration_generator import STYLES_BY_WORLD, WORLDS, CalibrationRules
+from steerlab.learning.pretrained.teachers import PretrainingDrive
+from steerlab.sim.calibration_generator import (
+    STYLES_BY_WORLD,
+    WORLDS,
+    CalibrationRules,
+    record_rollout,
+)
 from steerlab.sim.engine.driving import Driving
 from steerlab.sim.errors import InvalidConfig, NoPath
 from steerlab.sim.ground_truth import Planner, sample_starts
-from steerlab.sim.recorder import record_rollout
 from steerlab.sim.wizard import WizardOfOzPolicy, WizardStyle
 from steerlab.sim.world_generator import generate_world
 
 _STREAM = 0x0D21  # keeps these seeds apart from the calibration set's, which is SeedSequence(12)
 _TRIES_A_DRIVE = 20
 
-# Looser than the calibration set's own rules: what is learned must hold beside it too.
+# Looser than the calibration set's own rules: what is learned must hold outside it too.
 RULES = CalibrationRules(
     steps=(120, 300),
     max_hard=0.6,
@@ -59,10 +63,10 @@ def _drives_of_a_world(
     world_rng, start_rng, wizard_rng = map(np.random.default_rng, stream.spawn(3))
     world = generate_world(f"pretraining-{number}", world_rng, WORLDS)
     planner = Planner(world, seed=number)
-    found = 0
+    kept = 0
     with Driving(world) as driving:
         for _ in range(_TRIES_A_DRIVE * count):  # a crowded world may give fewer
-            if found == count:
+            if kept == count:
                 return
             (start,) = sample_starts(planner, start_rng, 1, min_to_ball_m=RULES.start_to_ball_m[0])
             if not RULES.accept_start(start, world.ball_xy_m):
@@ -75,7 +79,7 @@ def _drives_of_a_world(
                     driving,
                     wizard,
                     planner,
-                    name=f"pretraining-{number}-{found}",
+                    name=f"pretraining-{number}-{kept}",
                     seed=number,
                     start=start,
                     max_steps=RULES.steps[1],
@@ -83,7 +87,7 @@ def _drives_of_a_world(
             except NoPath:  # drove itself into a dead end
                 continue
             if RULES.accept(rollout):
-                found += 1
+                kept += 1
                 yield PretrainingDrive.from_rollout(rollout)
 
 

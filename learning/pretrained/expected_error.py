@@ -13,20 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from steerlab.learning.errors import InvalidLabels
-from steerlab.learning.pretrained.model import PretrainedModel, map_labels
-from steerlab.learning.pretrained.network import ResidualNetwork
-from steerlab.learning.pretrained.study_batch import StudyBatch
+from steerlab.learning.pretrained.fine_tuning import StudyBatch
+from steerlab.learning.pretrained.model import PretrainedModel, ResidualNetwork, map_labels
 from steerlab.learning.training import torch_threads
-from steerlab.sim.arrays import FloatArray
+from steerlab.sim.arrays import BoolArray, FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.rollout import BoolArray
 
 _SHARES = np.linspace(0.0, 1.0, 1001)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class ErrorScale:
-    """Actual absolute errors beside the stated ones.
+    """Actual absolute errors compared with the stated ones.
 
     Attributes:
         factor: mean actual error over mean stated error.
@@ -51,7 +49,7 @@ class ErrorScale:
         )
 
     def half_width(self, share: float) -> float:
-        """Of the interval that holds ``share`` of the labels, in stated errors.
+        """Half the width of the interval that holds ``share`` of the labels, in stated errors.
 
         Raises:
             InvalidConfig: ``share`` is not between 0 and 1.
@@ -64,7 +62,7 @@ class ErrorScale:
 def measure_error_scale(
     model: PretrainedModel, network: ResidualNetwork, batch: StudyBatch, rows: BoolArray
 ) -> ErrorScale:
-    """On the ``rows`` of ``batch``, (rollouts,), which ``network`` was not trained on.
+    """Measure on the ``rows`` of ``batch``, (rollouts,), which ``network`` was not trained on.
 
     Raises:
         InvalidLabels: there is no valid label among them.

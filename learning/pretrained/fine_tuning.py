@@ -2,8 +2,12 @@
 
 Teachers outside the simulated family are what a frozen network cannot know. Whether the training
 people are such is decided on rollouts of theirs that fine-tuning did not see.
+
+The study's rollouts lie side by side in a batch, each with its person's style from their *other*
+rollouts: what is learned or measured on it holds for rollouts that did not calibrate anyone.
 """
 
+from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from math import cos, pi
@@ -11,11 +15,94 @@ from math import cos, pi
 import numpy as np
 import torch
 
-from steerlab.learning.pretrained.model import Alignment, PretrainedModel, network_inputs
-from steerlab.learning.pretrained.network import ResidualNetwork
-from steerlab.learning.pretrained.study_batch import StudyBatch
+from steerlab.learning.empirical_bayes.grid import GridSeries
+from steerlab.learning.pretrained.model import (
+    Alignment,
+    PretrainedModel,
+    ResidualNetwork,
+    closed_form,
+    network_inputs,
+)
+from steerlab.learning.pretrained.style import concatenate, style_moments
+from steerlab.learning.series import LabelSeries
 from steerlab.learning.training import torch_threads
-from steerlab.sim.rollout import BoolArray
+from steerlab.sim.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class StudyBatch:
+    """Rollouts of a study on the grid, padded to one length: (rollouts, samples).
+
+    Attributes:
+        label, prediction: bridged labels, and the closed form's truth.
+        present, valid: there is a label; label and truth may train or score.
+        truth: 0 beyond the end.
+        motion: (rollouts, samples, 3), or None.
+        coefficients, style: (rollouts, ...) of the closed form, and w.
+        rollout: name of each.
+    """
+
+    label: FloatArray
+    prediction: FloatArray
+    present: BoolArray
+    truth: FloatArray
+    valid: BoolArray
+    motion: FloatArray | None
+    coefficients: FloatArray
+    style: FloatArray
+    rollout: tuple[str, ...]
+
+
+def study_batch(
+    model: PretrainedModel, series: Sequence[LabelSeries], motions: Sequence[FloatArray] | None
+) -> StudyBatch | None:
+    """Each rollout with the style of its person found from that person's other rollouts.
+
+    None if nobody has two rollouts.
+
+    Args:
+        model: whose encoder finds the styles.
+        series: of the training people; someone with a single rollout is left out.
+        motions: the car's motion on the grid of each series, or None.
+    """
+    grids = [GridSeries.from_series(drive) for drive in series]
+    moments = concatenate(
+        [style_moments(grid.label[None], grid.truth[None], grid.valid[None]) for grid in grids]
+    )
+    rows_of: dict[str, list[int]] = {}
+    for row, drive in enumerate(series):
+        rows_of.setdefault(drive.person, []).append(row)
+    other_rows = [
+        [other for other in rows_of[drive.person] if other != row]
+        for row, drive in enumerate(series)
+    ]
+    kept = [row for row, others in enumerate(other_rows) if moments.inverse.rows[others].any()]
+    if not kept:
+        return None
+    coefficients, style = model.encoder(
+        concatenate([moments[other_rows[row]].summed(1) for row in kept])
+    )
+    samples = max(len(grids[row].label) for row in kept)
+
+    def padded(name: str) -> np.ndarray:
+        values = [getattr(grids[row], name) for row in kept]
+        return np.stack([np.pad(value, (0, samples - len(value))) for value in values])
+
+    def held(values: FloatArray) -> FloatArray:
+        return values[np.minimum(np.arange(samples), len(values) - 1)]
+
+    label = np.stack([held(grids[row].label) for row in kept])
+    return StudyBatch(
+        label=label,
+        prediction=closed_form(label, coefficients),
+        present=padded("present"),
+        truth=padded("truth"),
+        valid=padded("valid"),
+        motion=None if motions is None else np.stack([held(motions[row]) for row in kept]),
+        coefficients=coefficients,
+        style=style,
+        rollout=tuple(series[row].rollout for row in kept),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +111,7 @@ class FineTuningConfig:
 
     Attributes:
         steps, batch_size, rate: of AdamW with a cosine; few and small, the data are few.
-        hold_out_every: of the training rollouts, every so many-th decides.
+        hold_out_every: every ``hold_out_every``-th training rollout is held out for the choice.
         margin: relative gain on them from which fine-tuning is kept; below it, it is luck.
     """
 
@@ -37,7 +124,7 @@ class FineTuningConfig:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class FineTuned:
-    """What fine-tuning came to.
+    """The result of fine-tuning.
 
     Attributes:
         network: to use, frozen or fine-tuned.

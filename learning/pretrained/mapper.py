@@ -5,16 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from steerlab.learning.empirical_bayes.grid import GridSeries, from_grid
-from steerlab.learning.errors import NotFitted, UnknownPerson
+from steerlab.learning.empirical_bayes.grid import GridSeries, from_grid, motion_on_grid
+from steerlab.learning.errors import NotFitted
 from steerlab.learning.pretrained.expected_error import ErrorScale, measure_error_scale
-from steerlab.learning.pretrained.fine_tuning import FineTuningConfig, fine_tuned
+from steerlab.learning.pretrained.fine_tuning import FineTuningConfig, fine_tuned, study_batch
 from steerlab.learning.pretrained.model import PretrainedModel, map_labels
-from steerlab.learning.pretrained.people import motion_on_grid, person_moments
-from steerlab.learning.pretrained.study_batch import study_batch
+from steerlab.learning.pretrained.style import person_moments
 from steerlab.learning.pretrained.teachers import STYLE
 from steerlab.learning.pretrained.weights import load_shipped_model
-from steerlab.learning.series import LabelSeries
+from steerlab.learning.series import LabelSeries, lookup_person
 from steerlab.learning.training import torch_threads
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
@@ -24,7 +23,7 @@ FINE_TUNING = FineTuningConfig()
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class EstimatedStyle:
-    """What calibration leaves of a person: coefficients of the closed form, and w."""
+    """A calibrated person: coefficients of the closed form, and w."""
 
     coefficients: FloatArray
     style: FloatArray
@@ -71,14 +70,14 @@ class SimPretrainedMapper:
         self._people, self._network, self._gain = {}, self._model.network, 0.0
         self._error_scale = None
         self.calibrate(series)
-        motions = [motion_on_grid(one) for one in series] if self._context else None
+        motions = [motion_on_grid(drive) for drive in series] if self._context else None
         batch = study_batch(self._model, series, motions)
         if batch is None:  # one rollout a person: nothing is left to choose or measure on
             return
         unseen = np.ones(len(batch.rollout), dtype=bool)
         if self._fine_tuning is not None:
-            found = fine_tuned(self._model, batch, self._seed, self._fine_tuning)
-            self._network, self._gain, unseen = found.network, found.gain, found.unseen
+            tuning = fine_tuned(self._model, batch, self._seed, self._fine_tuning)
+            self._network, self._gain, unseen = tuning.network, tuning.gain, tuning.unseen
         self._error_scale = measure_error_scale(self._model, self._network, batch, unseen)
 
     def calibrate(self, series: Sequence[LabelSeries]) -> None:
@@ -140,12 +139,12 @@ class SimPretrainedMapper:
         return mapped, np.clip(mapped - half, *limits), np.clip(mapped + half, *limits)
 
     def _map(self, series: Sequence[LabelSeries]) -> list[tuple[FloatArray, FloatArray]]:
-        """Mapped labels and the network's own idea of their errors, (steps,) both, of each."""
-        grids = [GridSeries.from_series(one) for one in series]
+        """For each series, mapped labels and the errors the network states, (steps,) both."""
+        grids = [GridSeries.from_series(drive) for drive in series]
         alike: dict[int, list[int]] = {}  # of one length: padding would change what lies at ends
         for row, grid in enumerate(grids):
             alike.setdefault(len(grid.label), []).append(row)
-        found: dict[int, tuple[FloatArray, FloatArray]] = {}
+        by_row: dict[int, tuple[FloatArray, FloatArray]] = {}
         for rows in alike.values():
             people = [self.person(series[row].person) for row in rows]
             motions = [motion_on_grid(series[row]) for row in rows] if self._context else None
@@ -159,27 +158,21 @@ class SimPretrainedMapper:
                     np.stack([grids[row].present for row in rows]),
                     None if motions is None else np.stack(motions),
                 )
-            for row, own, error in zip(rows, mapped, stated, strict=True):
+            for row, labels, error in zip(rows, mapped, stated, strict=True):
                 given = np.isfinite(series[row].label)
-                found[row] = (
-                    np.where(given, from_grid(own, series[row]), np.nan),
+                by_row[row] = (
+                    np.where(given, from_grid(labels, series[row]), np.nan),
                     np.where(given, from_grid(error, series[row]), np.nan),
                 )
-        return [found[row] for row in range(len(series))]
+        return [by_row[row] for row in range(len(series))]
 
     def person(self, person: str) -> EstimatedStyle:
-        """What is known of someone.
+        """The calibrated style of a person.
 
         Raises:
             UnknownPerson: the person was neither fitted nor calibrated.
         """
-        if person not in self._people:
-            names = ", ".join(list(self._people)[:5]) or "no one"
-            raise UnknownPerson(
-                f"{self.name} does not know {person!r}; it knows {names}. "
-                "Call calibrate with their calibration series first."
-            )
-        return self._people[person]
+        return lookup_person(self._people, self.name, person)
 
     def teacher_style(self, person: str) -> dict[str, float]:
         """Gain, delay and more as a simulated teacher would have them, by ``teachers.STYLE``.
@@ -193,7 +186,7 @@ class SimPretrainedMapper:
 
     @property
     def error_scale(self) -> ErrorScale:
-        """The training people's actual errors beside the stated ones.
+        """The training people's actual errors compared with the stated ones.
 
         Raises:
             NotFitted: ``fit`` was not called, or with a single rollout a person.
@@ -217,5 +210,5 @@ class SimPretrainedMapper:
 
     @property
     def people(self) -> tuple[str, ...]:
-        """Everyone who can be mapped, fitted or calibrated."""
+        """The people who can be mapped, fitted or calibrated."""
         return tuple(self._people)

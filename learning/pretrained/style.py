@@ -11,17 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from steerlab.learning.empirical_bayes.features import (
+from steerlab.learning.empirical_bayes.gaussian import Moments, Prior, fit_prior, posterior
+from steerlab.learning.empirical_bayes.grid import (
     BIAS,
+    RATE_HZ,
+    GridSeries,
     at_stop,
     label_features,
     shifted,
     whole_window,
 )
-from steerlab.learning.empirical_bayes.gaussian import Moments, Prior, fit_prior, posterior
-from steerlab.learning.empirical_bayes.grid import RATE_HZ
-from steerlab.sim.arrays import FloatArray
-from steerlab.sim.rollout import BoolArray
+from steerlab.learning.errors import InvalidLabels
+from steerlab.learning.series import LabelSeries
+from steerlab.sim.arrays import BoolArray, FloatArray
 
 DELAYS_S = np.arange(-8, 13) * 0.1  # of the forward model's taps
 DEAD_ZONE_DELAYS_S = (0.0, 0.2, 0.4)
@@ -39,7 +41,7 @@ _LARGEST = 4.0  # standard deviations; what lies further out was never trained o
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class StyleMoments:
-    """All that w needs of rollouts; rollouts of a person add up.
+    """The sums over rollouts that w is computed from; rollouts of a person add up.
 
     Attributes:
         inverse, forward: of each rollout.
@@ -52,7 +54,7 @@ class StyleMoments:
     sums: FloatArray
 
     def __getitem__(self, rollouts: slice | list[int]) -> "StyleMoments":
-        """Some of the rollouts."""
+        """The chosen rollouts."""
         return StyleMoments(
             inverse=self.inverse[rollouts],
             forward=self.forward[rollouts],
@@ -60,7 +62,7 @@ class StyleMoments:
         )
 
     def __add__(self, other: "StyleMoments") -> "StyleMoments":
-        """Of the same people with the labels of ``other`` too."""
+        """Moments of the same people with the labels of ``other`` added."""
         return StyleMoments(
             inverse=self.inverse + other.inverse,
             forward=self.forward + other.forward,
@@ -85,7 +87,7 @@ class StyleMoments:
 
 
 def style_moments(label: FloatArray, truth: FloatArray, valid: BoolArray) -> StyleMoments:
-    """Of rollouts of one length: all (rollouts, samples), at ``RATE_HZ``, bridged."""
+    """Moments of rollouts of one length: all (rollouts, samples), at ``RATE_HZ``, bridged."""
     rows = valid & whole_window(valid)
     rows = np.where(rows.any(axis=-1, keepdims=True), rows, valid)
     x = label_features(label)
@@ -100,6 +102,25 @@ def style_moments(label: FloatArray, truth: FloatArray, valid: BoolArray) -> Sty
         forward=_moments(z, label, free),
         sums=np.einsum("rsk,rs->rk", terms, rows.astype(np.float64)),
     )
+
+
+def person_moments(series: Sequence[LabelSeries]) -> tuple[tuple[str, ...], StyleMoments]:
+    """People in order of appearance, and the sums of each over their rollouts.
+
+    Raises:
+        InvalidLabels: no series, or someone without a valid label.
+    """
+    if not series:
+        raise InvalidLabels("No label series given; calibration needs at least one.")
+    people: dict[str, StyleMoments] = {}
+    for drive in series:
+        grid = GridSeries.from_series(drive)
+        sums = style_moments(grid.label[None], grid.truth[None], grid.valid[None])
+        people[drive.person] = people[drive.person] + sums if drive.person in people else sums
+    for person, sums in people.items():
+        if not sums.inverse.rows.any():
+            raise InvalidLabels(f"{person!r} has no valid label to calibrate on; label a rollout.")
+    return tuple(people), concatenate(list(people.values()))
 
 
 def forward_features(truth: FloatArray) -> FloatArray:
@@ -184,12 +205,12 @@ def mirrored_style(style: FloatArray) -> FloatArray:
     return style * signs
 
 
-def concatenate(parts: Sequence[StyleMoments]) -> StyleMoments:
-    """Rollouts one after another."""
+def concatenate(moments: Sequence[StyleMoments]) -> StyleMoments:
+    """Moments of all rollouts of ``moments``, in order."""
     return StyleMoments(
-        inverse=Moments.concatenate([part.inverse for part in parts]),
-        forward=Moments.concatenate([part.forward for part in parts]),
-        sums=np.concatenate([part.sums for part in parts]),
+        inverse=Moments.concatenate([part.inverse for part in moments]),
+        forward=Moments.concatenate([part.forward for part in moments]),
+        sums=np.concatenate([part.sums for part in moments]),
     )
 
 
@@ -217,7 +238,7 @@ def _response(coefficients: FloatArray) -> tuple[FloatArray, FloatArray, FloatAr
 
 
 def _symmetric(prior: Prior, bias: int) -> Prior:
-    """People lean to the left as often as to the right, whatever a finite sample says."""
+    """The prior with a mean bias of 0, since people lean to either side equally often."""
     mean, covariance = prior.mean.copy(), prior.covariance.copy()
     variance = covariance[bias, bias]
     mean[bias] = 0.0

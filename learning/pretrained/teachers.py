@@ -11,15 +11,49 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from steerlab.learning.pretrained.drive import PretrainingDrive
-from steerlab.sim.arrays import FloatArray
-from steerlab.sim.rollout import BoolArray
+from steerlab.learning.pretrained.style import SIGNED, STYLE_SIZE
+from steerlab.sim.arrays import BoolArray, FloatArray
+from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.rollout import Rollout
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 STYLE = ("log_gain", "delay_s", "lag_s", "dead_zone", "bias", "log_noise", "noise_time_s")
 """What a network could at best know of a teacher; the first two are what studies report."""
-
+_CENTRE = np.array([0.0, 0.12, 0.15, 0.1, 0.0, np.log(0.17), 0.2])  # by ``STYLE``
+_SPREAD = np.array([0.45, 0.22, 0.06, 0.1, 0.1, 0.6, 0.08])
+_SLOTS = [0, 1, 2, 3, SIGNED[0], 4, 5]
 _SESSION_ROLLOUTS = 12
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class PretrainingDrive:
+    """The truth of a rollout and the car's own motion.
+
+    Attributes:
+        truth: (steps,) oracle labels, all valid.
+        motion: (steps, 3) yaw_rate_radps, speed_mps, robot_wheel, as ``series.CONTEXT``.
+    """
+
+    truth: FloatArray
+    motion: FloatArray
+
+    @classmethod
+    def from_rollout(cls, rollout: Rollout) -> "PretrainingDrive":
+        """What a mapper may know of a rollout.
+
+        Raises:
+            InvalidConfig: a step has no oracle label.
+        """
+        if not rollout.oracle_valid.all():
+            raise InvalidConfig(f"Rollout {rollout.name!r} has steps without a label; drop it.")
+        motion = np.column_stack(
+            [rollout.velocity[:, 2], rollout.velocity[:, 0], rollout.robot_wheel]
+        )
+        return cls(truth=rollout.oracle_label, motion=motion)
+
+    def mirrored(self) -> "PretrainingDrive":
+        """Left and right exchanged; speed keeps its sign."""
+        return PretrainingDrive(truth=-self.truth, motion=self.motion * np.array([-1.0, 1.0, -1.0]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,3 +223,19 @@ def _coloured(
     for sample in range(1, shape[-1]):
         noise[..., sample] = decay * noise[..., sample - 1] + fresh * noise[..., sample]
     return noise
+
+
+def known_style(parameters: FloatArray) -> FloatArray:
+    """True parameters (..., len(STYLE)) in the place of w, (..., STYLE_SIZE)."""
+    style = np.zeros((*parameters.shape[:-1], STYLE_SIZE))
+    style[..., _SLOTS] = (parameters - _CENTRE) / _SPREAD
+    return style
+
+
+def known_readout() -> FloatArray:
+    """The inverse of ``known_style`` as a linear readout, (1 + STYLE_SIZE, len(STYLE))."""
+    readout = np.zeros((1 + STYLE_SIZE, len(STYLE)))
+    readout[0] = _CENTRE
+    for column, slot in enumerate(_SLOTS):
+        readout[1 + slot, column] = _SPREAD[column]
+    return readout

@@ -16,15 +16,16 @@ import numpy as np
 import torch
 
 from steerlab.learning.empirical_bayes.grid import RATE_HZ
-from steerlab.learning.pretrained.drive import PretrainingDrive
 from steerlab.learning.pretrained.drives import generate_drives
 from steerlab.learning.pretrained.model import (
+    CONTEXT_INPUTS,
     Alignment,
     PretrainedModel,
+    ResidualConfig,
+    ResidualNetwork,
     closed_form,
     network_inputs,
 )
-from steerlab.learning.pretrained.network import CONTEXT_INPUTS, ResidualConfig, ResidualNetwork
 from steerlab.learning.pretrained.style import (
     STYLE_SIZE,
     StyleEncoder,
@@ -32,8 +33,14 @@ from steerlab.learning.pretrained.style import (
     concatenate,
     style_moments,
 )
-from steerlab.learning.pretrained.teachers import SimulatedStudy, TeacherRanges, simulate_study
-from steerlab.learning.pretrained.true_style import known_readout, known_style
+from steerlab.learning.pretrained.teachers import (
+    PretrainingDrive,
+    SimulatedStudy,
+    TeacherRanges,
+    known_readout,
+    known_style,
+    simulate_study,
+)
 from steerlab.learning.pretrained.weights import save_model
 from steerlab.learning.training import torch_threads
 from steerlab.sim.arrays import FloatArray
@@ -46,7 +53,7 @@ _SPREAD_WEIGHT = 0.1  # the spread must not steer the correction
 
 @dataclass(frozen=True, kw_only=True)
 class PretrainConfig:
-    """How much of everything; the defaults made the shipped weights.
+    """Sizes of simulation and training; the defaults made the shipped weights.
 
     Attributes:
         people, rollouts: simulated teachers, and drives that each labels.
@@ -96,7 +103,7 @@ def pretrain(
     drives: list[PretrainingDrive] | None = None,
     progress: Progress | None = None,
 ) -> PretrainedModel:
-    """Simulate and learn.
+    """Simulate teachers and train the model on them.
 
     Args:
         seed: of worlds, drives, teachers, weights and batches.
@@ -121,7 +128,7 @@ def pretrain(
     tell("simulating teachers", 1.0)
     target = np.repeat(study.style[:, None], config.rollouts, axis=1)
     if config.known_style:
-        tables = [_StyleTable(one.coefficients, known_style(target)) for one in tables]
+        tables = [_StyleTable(table.coefficients, known_style(target)) for table in tables]
         readout = known_readout()
     else:
         styles = _flat(tables[0].style)
@@ -133,12 +140,12 @@ def pretrain(
 
 
 def _moments(study: SimulatedStudy) -> StyleMoments:
-    """Of every rollout of every person, (people * rollouts, ...)."""
+    """Moments of every rollout of every person, (people * rollouts, ...)."""
     label, truth = study.label.astype(np.float64), study.truth.astype(np.float64)
     return concatenate(
         [
-            style_moments(_flat(label[some]), _flat(truth[some]), _flat(study.present[some]))
-            for some in np.array_split(np.arange(len(label)), -(-len(label) // _AT_ONCE))
+            style_moments(_flat(label[people]), _flat(truth[people]), _flat(study.present[people]))
+            for people in np.array_split(np.arange(len(label)), -(-len(label) // _AT_ONCE))
         ]
     )
 
@@ -148,19 +155,19 @@ def _style_table(
 ) -> _StyleTable:
     people, rollouts = study.label.shape[:2]
     coefficients, styles = [], []
-    for person in np.array_split(np.arange(people), -(-people // _AT_ONCE)):
-        weights = np.zeros((len(person), rollouts, rollouts))
+    for chunk in np.array_split(np.arange(people), -(-people // _AT_ONCE)):
+        weights = np.zeros((len(chunk), rollouts, rollouts))
         subsets: list[StyleMoments] = []
         for target in range(rollouts):  # the rollout to map never calibrates itself
             others = np.delete(np.arange(rollouts), target)
-            rank = rng.random((len(person), rollouts - 1)).argsort(axis=1)
-            weights[:, target, others] = rank < rng.integers(1, rollouts, (len(person), 1))
-        for index, one in enumerate(person):
-            found = moments[one * rollouts : (one + 1) * rollouts].grouped(weights[index])
-            subsets.append(found)
-        found = encoder(concatenate(subsets))
-        coefficients.append(found[0])
-        styles.append(found[1])
+            rank = rng.random((len(chunk), rollouts - 1)).argsort(axis=1)
+            weights[:, target, others] = rank < rng.integers(1, rollouts, (len(chunk), 1))
+        for index, person in enumerate(chunk):
+            rows = slice(person * rollouts, (person + 1) * rollouts)
+            subsets.append(moments[rows].grouped(weights[index]))
+        chunk_coefficients, chunk_styles = encoder(concatenate(subsets))
+        coefficients.append(chunk_coefficients)
+        styles.append(chunk_styles)
     shape = (people, rollouts, -1)
     return _StyleTable(
         np.concatenate(coefficients).reshape(shape), np.concatenate(styles).reshape(shape)

@@ -10,11 +10,10 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor
 
-from steerlab.learning.empirical_bayes.features import FEATURES
 from steerlab.learning.empirical_bayes.gaussian import Prior
+from steerlab.learning.empirical_bayes.grid import FEATURES
 from steerlab.learning.errors import InvalidCheckpoint
-from steerlab.learning.pretrained.model import PretrainedModel
-from steerlab.learning.pretrained.network import ResidualConfig, ResidualNetwork
+from steerlab.learning.pretrained.model import PretrainedModel, ResidualConfig, ResidualNetwork
 from steerlab.learning.pretrained.style import (
     COMPONENTS,
     FORWARD_FEATURES,
@@ -22,7 +21,7 @@ from steerlab.learning.pretrained.style import (
     StyleEncoder,
 )
 from steerlab.learning.pretrained.teachers import STYLE
-from steerlab.learning.tensor_file import read_tensors
+from steerlab.learning.tensor_file import read_tensors, without_prefix
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 
@@ -69,7 +68,7 @@ def load_model(path: Path) -> PretrainedModel:
     Raises:
         InvalidCheckpoint: the file is missing, damaged, of another kind or another version.
     """
-    tensors, header = read_tensors(path, what="weights", mend=_REMAKE)
+    tensors, header = read_tensors(path, what="weights", remedy=_REMAKE)
     if header.get("format") != FORMAT or header.get("version") != FORMAT_VERSION:
         raise InvalidCheckpoint(
             f"{path} holds {header.get('format')!r} version {header.get('version')!r}, not "
@@ -79,13 +78,7 @@ def load_model(path: Path) -> PretrainedModel:
         arrays = {name: _array(tensors, name, shape, path) for name, shape in _shapes().items()}
         config = ResidualConfig(**header["network"])
         network = ResidualNetwork(config, torch.Generator().manual_seed(0))
-        network.load_state_dict(
-            {
-                name.removeprefix(_NETWORK): value
-                for name, value in tensors.items()
-                if name.startswith(_NETWORK)
-            }
-        )
+        network.load_state_dict(without_prefix(tensors, _NETWORK))
         priors = {
             side: Prior(
                 mean=arrays[f"{side}_mean"],

@@ -12,8 +12,12 @@ from steerlab.learning.mapper import MindMeldMapper, stack_embeddings
 from steerlab.learning.presets import LAB, MapperConfig
 from steerlab.learning.probe import StyleProbe, style_parameters
 from steerlab.learning.splits import StudySplit
-from steerlab.learning.synthetic.demonstrators import label_drives
-from steerlab.learning.synthetic.drives import DriveConfig, SyntheticDrive, sample_drives
+from steerlab.learning.synthetic.drives import (
+    DriveConfig,
+    SyntheticDrive,
+    label_drives,
+    sample_drives,
+)
 from steerlab.learning.training import TrainingConfig
 from steerlab.learning.windows import WindowConfig
 from steerlab.sim.arrays import FloatArray
@@ -41,7 +45,7 @@ SYNTHETIC = MapperConfig(
 
 @dataclass(frozen=True, kw_only=True)
 class SyntheticConfig:
-    """How many demonstrate what. The paper gives no numbers; 34 and 12 are its human study's."""
+    """Numbers of demonstrators and drives. The paper gives none; 34 and 12 are of its study."""
 
     people: int = 34
     new_people: int = 34
@@ -67,7 +71,7 @@ class SyntheticConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SyntheticResult:
-    """Everything the experiment found.
+    """The experiment's data, mapper and scores.
 
     Attributes:
         quality: by split and then method. Splits: ``calibration`` (seen people on the drives that
@@ -91,8 +95,8 @@ class SyntheticResult:
     seconds: dict[str, float]
 
     def embeddings(self, people: Sequence[ScriptedTeacher]) -> FloatArray:
-        """(people, 2)."""
-        return stack_embeddings(self.mapper, [one.name for one in people])
+        """The embeddings of ``people``, (people, 2)."""
+        return stack_embeddings(self.mapper, [person.name for person in people])
 
 
 def run_synthetic(
@@ -126,13 +130,13 @@ def run_synthetic(
 
     started = perf_counter()
     progress("scoring", 0.0)
-    parts = StudySplit(
+    study = StudySplit(
         train_seen=tuple(train), held_out_seen=(), calibrate_new=tuple(calibrate), held_out_new=()
     )
-    without = left_out([parts], settings, full=False)
+    without = left_out([study], settings, full=False)
     baselines = fit_baselines(
         mapper,
-        parts,
+        study,
         seed=config.seed,
         on_step=lambda share: progress("fitting rival mappers", share),
         without=without,
@@ -144,8 +148,8 @@ def run_synthetic(
         ("new", label_drives(new, unseen, rate_hz)),
     ):
         quality[split] = {
-            name: mapper_quality(one, series, np.random.default_rng(config.seed))
-            for name, one in baselines.items()
+            name: mapper_quality(baseline, series, np.random.default_rng(config.seed))
+            for name, baseline in baselines.items()
         }
     probe_r2, spearman_new = _probe(mapper, seen, new)
     progress("scoring", 1.0)
@@ -170,11 +174,13 @@ def _probe(
     mapper: MindMeldMapper, seen: Sequence[ScriptedTeacher], new: Sequence[ScriptedTeacher]
 ) -> tuple[Mapping[str, float], Mapping[str, float]]:
     styles = {
-        "seen": style_parameters([one.style for one in seen]),
-        "new": style_parameters([one.style for one in new]),
+        "seen": style_parameters([person.style for person in seen]),
+        "new": style_parameters([person.style for person in new]),
     }
     if any(np.ptp(values) == 0.0 for of in styles.values() for values in of.values()):
         return {}, {}
-    probe = StyleProbe.fit(stack_embeddings(mapper, [one.name for one in seen]), styles["seen"])
-    embeddings = stack_embeddings(mapper, [one.name for one in new])
+    probe = StyleProbe.fit(
+        stack_embeddings(mapper, [person.name for person in seen]), styles["seen"]
+    )
+    embeddings = stack_embeddings(mapper, [person.name for person in new])
     return probe.probe_r2, probe.spearman_new(embeddings, styles["new"])

@@ -1,7 +1,6 @@
 """Everything that touches MuJoCo. What must precede its import happens here, in this order."""
 
-from steerlab.sim.engine.gl import choose_gl
-from steerlab.sim.engine.triton_order import settle_triton
+from steerlab.sim.engine.gl import choose_gl, settle_triton
 
 settle_triton()
 choose_gl()

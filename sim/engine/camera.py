@@ -113,6 +113,6 @@ def _open_context(width: int, height: int) -> _GLContext:
     except (RuntimeError, ImportError, AttributeError, OpenGLError) as error:
         raise NoRenderer(
             f"Cannot draw offscreen with MUJOCO_GL={os.environ['MUJOCO_GL']} ({error}). "
-            f"Unset it if you have set it, or mend the driver: {INSTALL_HINT}"
+            f"Unset it if you have set it, or fix the driver: {INSTALL_HINT}"
         ) from error
     return context

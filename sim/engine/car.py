@@ -1,14 +1,20 @@
-"""The car: a planar chassis pushed by four tyre actuators whose law runs inside MuJoCo.
+"""The car: its MJCF, the controls that drive it, and its state read back from MuJoCo.
 
-Against a dynamic bicycle its turning radius errs by about 2 %; it cannot flip, drives exactly
-straight hands-off and costs 5 µs a physics step, where a contact car costs 14-33 µs.
+A planar chassis is pushed by four tyre actuators whose law runs inside MuJoCo. Against a dynamic
+bicycle its turning radius errs by about 2 %; it cannot flip, drives exactly straight hands-off and
+costs 5 µs a physics step, where a contact car costs 14-33 µs. The first three joints are x, y and
+yaw in the world; ``mjData.userdata``, part of ``mjSTATE_INTEGRATION``, carries what the
+acceleration needs.
 """
 
-from math import pi
+from math import atan, cos, pi, sin, tan
+from typing import Any
 
-from steerlab.sim.engine.mjcf_text import numbers
-from steerlab.sim.engine.props import SHADOW_RGBA
-from steerlab.sim.vehicle import CarConfig
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from steerlab.sim.vehicle import WHEEL_LIMIT, CarConfig
 
 GRAVITY_MPS2 = 9.81
 IMU_HEIGHT_M = 0.4
@@ -20,6 +26,16 @@ _PAINT = "0.80 0.12 0.14 1"
 _GLASS = "0.15 0.20 0.25 1"
 _RUBBER = "0.08 0.08 0.08 1"
 CAR_GROUP = 1  # of geoms; the front camera sees none of the car and skips drawing it
+# A real shadow pass costs 30 ms a frame, translucency 0.2 ms; a dark box on plain ground neither.
+SHADOW_RGBA = "0.22 0.23 0.22 1"
+MIN_SLIP_SPEED_MPS = 2.0  # below it a slip angle is ill defined and the tyre becomes viscous
+BRAKE_GAIN = 20_000.0  # N per m/s at full brake, before the clamp at max_brake_n
+USERDATA_SIZE = 3  # world velocity x, y and time at the start of the last control step
+
+
+def numbers(*values: float) -> str:
+    """``values`` for an MJCF attribute, each written so that it is read back to the bit."""
+    return " ".join(repr(float(value)) for value in values)
 
 
 def car_mjcf(config: CarConfig) -> str:
@@ -99,7 +115,7 @@ def _wheels(config: CarConfig) -> str:
 
 
 def _actuators(config: CarConfig) -> str:
-    """In the order of ``ACTUATORS``.
+    """MJCF of the actuators, in the order of ``ACTUATORS``.
 
     The engine's force is 6000 times (target speed - speed), within what an engine can do; brake
     and tyres are viscous: force = -ctrl * speed of the site along the gear, clamped.
@@ -129,3 +145,94 @@ def _actuators(config: CarConfig) -> str:
         for name in ("fl", "fr", "rl", "rr")
     ]
     return "\n    ".join([*steering, drive, brake, *tyres])
+
+
+class CarControls:
+    """Writes ``data.ctrl`` in the order of ``ACTUATORS``; holds views, copies nothing."""
+
+    def __init__(self, data: mujoco.MjData, config: CarConfig) -> None:
+        self._qpos = floats(data.qpos)
+        self._qvel = floats(data.qvel)
+        self._ctrl = floats(data.ctrl)
+        self._mark = StepMark(data)
+        self._cruise_mps = config.cruise_speed_mps
+        self._max_mps = config.max_speed_mps
+        self._rad_per_wheel = config.full_lock_rad / WHEEL_LIMIT
+        self._wheelbase_m = config.wheelbase_m
+        self._half_track_m = config.track_m / 2.0
+        self._tyre_stiffness_n = config.cornering_stiffness_n / 2.0  # two tyres an axle
+
+    def apply(self, wheel: float, throttle: float | None = None, brake: float = 0.0) -> None:
+        """Set the controls; ``wheel`` is clipped to ±WHEEL_LIMIT, the pedals to [0, 1].
+
+        Without a throttle the car cruises at the paper's constant speed.
+        """
+        self._mark.set()
+        ctrl, half_track_m = self._ctrl, self._half_track_m
+        wheel = min(WHEEL_LIMIT, max(-WHEEL_LIMIT, wheel))
+        slope = tan(wheel * self._rad_per_wheel)  # Ackermann: both axles turn about one centre
+        reach_m = self._wheelbase_m * slope
+        ctrl[0] = atan(reach_m / (self._wheelbase_m - half_track_m * slope))
+        ctrl[1] = atan(reach_m / (self._wheelbase_m + half_track_m * slope))
+        target_mps = self._cruise_mps
+        if throttle is not None:
+            target_mps = min(1.0, max(0.0, throttle)) * self._max_mps
+        brake = min(1.0, max(0.0, brake))
+        ctrl[2] = target_mps * (1.0 - brake)  # the engine does not push against the brake
+        ctrl[3] = brake * BRAKE_GAIN
+        heading_rad = self._qpos[2]
+        forward_mps = cos(heading_rad) * self._qvel[0] + sin(heading_rad) * self._qvel[1]
+        # F = -C * slip angle, with the slip angle taken as lateral over forward speed
+        stiffness = self._tyre_stiffness_n / max(abs(forward_mps), MIN_SLIP_SPEED_MPS)
+        ctrl[4] = ctrl[5] = ctrl[6] = ctrl[7] = stiffness
+
+
+def pose(data: mujoco.MjData) -> NDArray[np.float64]:
+    """(3,) x_m, y_m, heading_rad of the car's centre."""
+    return data.qpos[:3].copy()
+
+
+def velocity(data: mujoco.MjData) -> NDArray[np.float64]:
+    """(3,) forward and leftward speed in m/s, yaw rate in rad/s; body frame."""
+    forward, left = _into_body(data, data.qvel)
+    return np.array((forward, left, data.qvel[2]))
+
+
+def floats(array: Any) -> "memoryview[float]":
+    """A view of a float64 array whose items are read and written three times faster."""
+    return memoryview(array)
+
+
+class StepMark:
+    """Remembers velocity and time at the start of a control step, where a restore keeps them.
+
+    MuJoCo's ``qacc`` (and so its accelerometer) is of no use here: the tyres are stiff, and the
+    implicit integrator takes a step that is up to a sixth smaller than ``qacc`` says.
+    """
+
+    def __init__(self, data: mujoco.MjData) -> None:
+        self._data = data
+        self._qvel = floats(data.qvel)
+        self._userdata = floats(data.userdata)
+
+    def set(self) -> None:
+        """Store velocity and time; call at the start of each control step."""
+        userdata, qvel = self._userdata, self._qvel
+        userdata[0] = qvel[0]
+        userdata[1] = qvel[1]
+        userdata[2] = self._data.time
+
+
+def acceleration(data: mujoco.MjData) -> NDArray[np.float64]:
+    """(2,) forward and leftward mean acceleration in m/s² over the last control step; body frame."""
+    elapsed_s = data.time - data.userdata[2]
+    if elapsed_s <= 0.0:  # at the very start
+        return np.zeros(2)
+    return np.array(_into_body(data, (data.qvel[:2] - data.userdata[:2]) / elapsed_s))
+
+
+def _into_body(data: mujoco.MjData, world: NDArray[np.float64]) -> tuple[float, float]:
+    heading_rad = data.qpos[2]
+    cosine, sine = cos(heading_rad), sin(heading_rad)
+    x, y = float(world[0]), float(world[1])
+    return cosine * x + sine * y, cosine * y - sine * x

@@ -11,13 +11,10 @@ from collections import OrderedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from steerlab.sim.engine.arena import PHYSICS_TIMESTEP_S, ground_mjcf
 from steerlab.sim.engine.camera import Camera, CameraConfig
-from steerlab.sim.engine.car_state import acceleration, pose, velocity
-from steerlab.sim.engine.controls import CarControls
-from steerlab.sim.engine.driving import DrivingConfig, draw_start
-from steerlab.sim.engine.referee import Referee
-from steerlab.sim.engine.scene import parts
+from steerlab.sim.engine.car import CarControls, acceleration, pose, velocity
+from steerlab.sim.engine.driving import DrivingConfig, Referee, draw_start
+from steerlab.sim.engine.scene import PHYSICS_TIMESTEP_S, ground_mjcf, scene_parts
 from steerlab.sim.errors import MissingPackage
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.vehicle import WHEEL_LIMIT, CarConfig
@@ -110,7 +107,7 @@ class DriveToBall(composer.Task):
         self._car_config = car or CarConfig()
         self._pedals = pedals
         self._ground = Ground(world.half_extent_m)
-        for name, text in parts(world, self._car_config):
+        for name, text in scene_parts(world, self._car_config):
             part = Car(name, text) if name == "car" else Part(name, text)
             part.observables.enable_all()
             self._ground.attach(part)
@@ -175,12 +172,12 @@ class DriveToBall(composer.Task):
         self._touched = False
 
     def after_substep(self, physics: mjcf.Physics, random_state: np.random.RandomState) -> None:
-        """Look for a contact, which may last no longer than this."""
+        """Look for a contact, which may last a single physics step."""
         del physics, random_state
         self._touched = self._touched or self._referee.touching()
 
     def after_step(self, physics: mjcf.Physics, random_state: np.random.RandomState) -> None:
-        """Ask the referee."""
+        """Count the step and decide the outcome."""
         del physics, random_state
         self._steps += 1
         self.outcome = self._referee.verdict(self._touched)

@@ -1,29 +1,27 @@
 """``Driving``: the fast way to drive, with nothing between the caller and ``mj_step``."""
 
 from dataclasses import dataclass
+from math import hypot
 from types import TracebackType
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from steerlab.sim.engine import car_state
-from steerlab.sim.engine.arena import PHYSICS_TIMESTEP_S
-from steerlab.sim.engine.controls import CarControls
-from steerlab.sim.engine.referee import Referee
-from steerlab.sim.engine.scene import compose
+from steerlab.sim.engine.car import CarControls, acceleration, floats, velocity
+from steerlab.sim.engine.scene import PHYSICS_TIMESTEP_S, compose
 from steerlab.sim.errors import InvalidConfig, InvalidWorld, StateMismatch
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.vehicle import CarConfig
-from steerlab.sim.world import Block, WorldSpec
+from steerlab.sim.world import REACH_M, Block, WorldSpec
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION  # FULLPHYSICS omits the warm start and drifts
 
 
 @dataclass(frozen=True, kw_only=True)
 class DrivingConfig:
-    """Rates and the spread of starts."""
+    """Control rate, time limit, and the spread of starts."""
 
     control_hz: float = 20.0
     time_limit_s: float = 30.0
@@ -53,7 +51,7 @@ class DrivingConfig:
 
 @dataclass(frozen=True, slots=True)
 class DrivingState:
-    """What a policy may see, apart from the camera image; see ``car_state`` for the frames.
+    """What a policy may see, apart from the camera image; see ``engine.car`` for the frames.
 
     Attributes:
         velocity: (3,) forward and leftward speed in m/s, yaw rate in rad/s.
@@ -66,6 +64,46 @@ class DrivingState:
     velocity: NDArray[np.float64]
     acceleration: NDArray[np.float64]
     outcome: Outcome
+
+
+class Referee:
+    """Decides whether a drive is over, for ``Driving`` and for the dm_control task alike.
+
+    Only the chassis and blocks can touch each other. A grazing contact lasts a single physics step
+    of 10 ms, so it must be looked for after each of them.
+    """
+
+    def __init__(self, data: mujoco.MjData, world: WorldSpec) -> None:
+        self._data = data
+        self._qpos = floats(data.qpos)
+        self._ball_x_m, self._ball_y_m = world.ball_xy_m
+        self._half_extent_m = world.half_extent_m
+
+    def distance_to_ball_m(self) -> float:
+        """From the car's centre to the ball's centre."""
+        return hypot(self._qpos[0] - self._ball_x_m, self._qpos[1] - self._ball_y_m)
+
+    def near_block(self) -> bool:
+        """Whether a block is within ``NEAR_BLOCK_M``: only then can the next control step hit one."""
+        return self._data.ncon > 0
+
+    def touching(self) -> bool:
+        """Whether the car touched a block in the last physics step."""
+        return self._data.ncon > 0 and bool(self._data.contact.dist.min() < 0.0)
+
+    def verdict(self, touched: bool) -> Outcome:
+        """The outcome now, apart from the time limit.
+
+        Args:
+            touched: whether the car touched a block in any physics step of this control step.
+        """
+        if touched:
+            return Outcome.BLOCK_HIT
+        if self.distance_to_ball_m() < REACH_M:
+            return Outcome.BALL_REACHED
+        if max(abs(self._qpos[0]), abs(self._qpos[1])) > self._half_extent_m:
+            return Outcome.OUT_OF_BOUNDS
+        return Outcome.RUNNING
 
 
 class Driving:
@@ -158,14 +196,14 @@ class Driving:
 
     @property
     def state(self) -> DrivingState:
-        """The state now."""
+        """The current state."""
         x_m, y_m, heading_rad = self.data.qpos[:3].tolist()
         return DrivingState(
             step=self._steps,
             t_s=self._steps / self.config.control_hz,
             pose=Pose2D(x_m, y_m, heading_rad),
-            velocity=car_state.velocity(self.data),
-            acceleration=car_state.acceleration(self.data),
+            velocity=velocity(self.data),
+            acceleration=acceleration(self.data),
             outcome=self.outcome,
         )
 

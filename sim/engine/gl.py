@@ -1,9 +1,16 @@
-"""Choose the OpenGL back end that works on this machine, once, before MuJoCo is imported.
+"""What must be settled before MuJoCo is imported: the OpenGL back end, and Triton before OpenGL.
 
 MuJoCo and dm_control read ``MUJOCO_GL`` at import and fail late when it does not fit. A back end
 is tried in a process of its own (a broken driver may crash the process), the answer is cached.
+
+PyTorch's CUDA build brings Triton, which carries an LLVM of its own; Mesa's software drivers load
+LLVM as a shared library, whose symbols PyOpenGL makes visible to everyone. A Triton that is loaded
+after it (``torch.optim`` does that) finds those instead of its own and ends in a segmentation
+fault. Loaded first, both keep their own.
 """
 
+import ctypes
+import importlib.util
 import json
 import logging
 import os
@@ -120,7 +127,7 @@ def _cache_key() -> str:
 
 
 def _cached() -> str | None:
-    """A remembered success; failures are not kept, for the user may have mended them."""
+    """A remembered success; failures are not kept, since the user may fix them."""
     try:
         backend = json.loads(_cache_file().read_text(encoding="utf-8"))[_cache_key()]
     except (OSError, ValueError, KeyError, TypeError):
@@ -135,3 +142,36 @@ def _remember(backend: str) -> None:
         path.write_text(json.dumps({_cache_key(): backend}), encoding="utf-8")
     except OSError as error:  # a read-only home costs a probe at each start, nothing else
         _log.debug("cannot cache the OpenGL choice: %s", error)
+
+
+def settle_triton() -> None:
+    """Make it safe to draw and to train in this process, in any order; without Triton do nothing.
+
+    Where someone has already opened such a driver, Triton is kept out instead: importing it then
+    raises ``ImportError``, with which PyTorch goes on. Call it before MuJoCo is imported.
+    """
+    if sys.platform != "linux" or "triton" in sys.modules:
+        return
+    spec = importlib.util.find_spec("triton")
+    if spec is None or spec.origin is None:
+        return
+    if _llvm_is_loaded():
+        _log.info("an OpenGL driver was opened before steerlab was imported: no Triton here")
+        sys.modules["triton"] = None  # pyright: ignore[reportArgumentType] - Python's own way
+        return
+    library = Path(spec.origin).parent / "_C" / "libtriton.so"
+    try:
+        if library.exists():
+            ctypes.CDLL(str(library))  # 20 ms; the whole package takes 100
+        else:
+            importlib.import_module("triton")
+    except (OSError, ImportError) as error:  # what cannot be loaded now cannot be later either
+        _log.info("Triton cannot be loaded: %s", error)
+
+
+def _llvm_is_loaded() -> bool:
+    """Whether this process has LLVM's shared library open."""
+    try:
+        return "/libLLVM" in Path("/proc/self/maps").read_text(encoding="utf-8")
+    except OSError:  # no /proc, as in some sandboxes: then the usual order is taken for granted
+        return False

@@ -6,10 +6,7 @@ which that works.
 """
 
 from steerlab.sim.ground_truth.config import PlannerConfig
-from steerlab.sim.ground_truth.oracle import OracleDriver
-from steerlab.sim.ground_truth.oracle_labels import OracleLabels
-from steerlab.sim.ground_truth.path import Path
-from steerlab.sim.ground_truth.planner import Planner
-from steerlab.sim.ground_truth.starts import sample_starts
+from steerlab.sim.ground_truth.oracle import OracleDriver, OracleLabels, Path
+from steerlab.sim.ground_truth.planner import Planner, sample_starts
 
 __all__ = ["OracleDriver", "OracleLabels", "Path", "Planner", "PlannerConfig", "sample_starts"]

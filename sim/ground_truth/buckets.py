@@ -4,11 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from steerlab.sim.arrays import FloatArray
-
-IntArray = NDArray[np.int64]
+from steerlab.sim.arrays import FloatArray, IntArray
 
 
 class Buckets(NamedTuple):
@@ -52,9 +49,9 @@ def bucket_add(buckets: Buckets, point: int, x_m: float, y_m: float) -> None:
 
 @njit(cache=True)
 def points_within(
-    buckets: Buckets, points: FloatArray, x_m: float, y_m: float, radius_m: float, found: IntArray
+    buckets: Buckets, points: FloatArray, x_m: float, y_m: float, radius_m: float, nearby: IntArray
 ) -> int:
-    """Write the points within a radius into ``found``; returns how many (at most its length)."""
+    """Write the points within a radius into ``nearby``; returns how many (at most its length)."""
     count = 0
     for i in range(
         bucket_index(buckets, x_m - radius_m), bucket_index(buckets, x_m + radius_m) + 1
@@ -65,8 +62,8 @@ def points_within(
             point = buckets.first[i, j]
             while point >= 0:
                 dx, dy = points[point, 0] - x_m, points[point, 1] - y_m
-                if dx * dx + dy * dy <= radius_m * radius_m and count < found.shape[0]:
-                    found[count] = point
+                if dx * dx + dy * dy <= radius_m * radius_m and count < nearby.shape[0]:
+                    nearby[count] = point
                     count += 1
                 point = buckets.following[point]
     return count

@@ -9,7 +9,7 @@ from steerlab.sim.world_generator import PLANNING_MARGIN_M
 
 @dataclass(frozen=True, kw_only=True)
 class PlannerConfig:
-    """How paths are planned and followed; the defaults are what the benchmarks were met with.
+    """How paths are planned and followed; the benchmarks were run with the defaults.
 
     Attributes:
         plan_radius_m: turning radius of planned paths; about 1.3 times the car's least radius or

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from steerlab.sim.arrays import FloatArray
+from steerlab.sim.arrays import FloatArray, IntArray
 from steerlab.sim.ground_truth.boxes import FreeSpace
 from steerlab.sim.ground_truth.buckets import (
     Buckets,
@@ -30,8 +30,6 @@ from steerlab.sim.ground_truth.distance_grid import (
 from steerlab.sim.ground_truth.dubins import dubins_pose, shortest_dubins
 from steerlab.sim.ground_truth.rrt_star import PointTree, cost_to_go
 from steerlab.sim.world import REACH_M
-
-IntArray = NDArray[np.int64]
 
 STAND_OFF_M = REACH_M - 0.5  # car's centre to ball's centre at the goal poses: surely in reach
 BUCKET_M = 4.0
@@ -100,8 +98,10 @@ def grow_pose_tree(
         xy = rng.uniform(-grid.half_extent_m, grid.half_extent_m, size=(nodes, 2))
         guided = rng.random(nodes) < GUIDED_SHARE
         noise = rng.normal(0.0, GUIDED_SPREAD_RAD, size=nodes)
-        anyhow = rng.uniform(-np.pi, np.pi, size=nodes)
-        drawn, clear = _headings(xy, guided, noise, anyhow, grid, body, point_tree, space, needed_m)
+        unguided = rng.uniform(-np.pi, np.pi, size=nodes)
+        drawn, clear = _headings(
+            xy, guided, noise, unguided, grid, body, point_tree, space, needed_m
+        )
         samples = np.concatenate((samples, drawn[clear]))
         if len(samples) >= nodes:
             break
@@ -114,14 +114,14 @@ def grow_pose_tree(
 
 @njit(cache=True)
 def _headings(
-    xy: FloatArray, guided: NDArray[np.bool_], noise: FloatArray, anyhow: FloatArray,
+    xy: FloatArray, guided: NDArray[np.bool_], noise: FloatArray, unguided: FloatArray,
     grid: DistanceGrid, body: Body, point_tree: PointTree, space: FreeSpace, needed_m: float,
 ) -> tuple[FloatArray, NDArray[np.bool_]]:  # fmt: skip
     """Complete positions to poses (n, 3), and tell which are clear."""
     poses = np.empty((xy.shape[0], 3))
     clear = np.empty(xy.shape[0], dtype=np.bool_)
     for i in range(xy.shape[0]):
-        x, y, heading = xy[i, 0], xy[i, 1], anyhow[i]
+        x, y, heading = xy[i, 0], xy[i, 1], unguided[i]
         if guided[i]:
             _, node = cost_to_go(point_tree, space, x, y, 3.0)
             if node >= 0:
@@ -176,12 +176,12 @@ def _grow(
         new = samples[s]
         shrink = (np.log(count + 1.0) / (count + 1.0)) ** (1.0 / 3.0)
         reach_m = min(RADIUS_GAMMA_M * shrink, MAX_RADIUS_M)
-        found = points_within(buckets, poses, new[0], new[1], reach_m, near)
-        for k in range(found):
+        near_count = points_within(buckets, poses, new[0], new[1], reach_m, near)
+        for k in range(near_count):
             to = poses[near[k]]
             _, t, p, q = shortest_dubins(new[0], new[1], new[2], to[0], to[1], to[2], radius_m)
             totals[k] = cost[near[k]] + (t + p + q) * radius_m
-        for k in np.argsort(totals[:found]):
+        for k in np.argsort(totals[:near_count]):
             to = poses[near[k]]
             word, t, p, q = shortest_dubins(new[0], new[1], new[2], to[0], to[1], to[2], radius_m)
             if edge_free(new, word, t, p, q, radius_m, grid, body, keep):
@@ -192,7 +192,7 @@ def _grow(
         if not joined[s]:
             continue
         bucket_add(buckets, count, new[0], new[1])
-        for k in range(found):
+        for k in range(near_count):
             node = near[k]
             if node < goals.shape[0]:
                 continue

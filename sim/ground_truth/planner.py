@@ -1,4 +1,6 @@
-"""``Planner``: the ground truth of one world, ready for thousands of questions."""
+"""``Planner``: the ground truth of one world, computed once and queried thousands of times."""
+
+from math import hypot, pi
 
 import numpy as np
 
@@ -7,38 +9,36 @@ from steerlab.sim.errors import InvalidConfig, NoPath
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.ground_truth.bicycle import ARRIVED, TOUCHED, drive
 from steerlab.sim.ground_truth.boxes import FreeSpace, free_space
-from steerlab.sim.ground_truth.committed_path import chain_to_ball, curve, shorten
 from steerlab.sim.ground_truth.config import PlannerConfig
 from steerlab.sim.ground_truth.distance_grid import (
     Keep,
     body_of,
     clearance_at,
+    collision,
     distance_grid,
     square_distance_grid,
 )
 from steerlab.sim.ground_truth.dubins_tree import PoseTree, goal_poses, grow_pose_tree, join_tree
-from steerlab.sim.ground_truth.footprint import collision
-from steerlab.sim.ground_truth.label_path import TOUCH_M
-from steerlab.sim.ground_truth.labeller import Labeller
-from steerlab.sim.ground_truth.oracle_labels import OracleLabels
-from steerlab.sim.ground_truth.path import Path
-from steerlab.sim.ground_truth.planner_inputs import RAMP_M, PlannerInputs
-from steerlab.sim.ground_truth.route import Route, route_map
+from steerlab.sim.ground_truth.label_path import TOUCH_M, Labeller
+from steerlab.sim.ground_truth.oracle import OracleLabels, Path
+from steerlab.sim.ground_truth.path_writer import chain_to_ball, curve, shorten
+from steerlab.sim.ground_truth.planner_inputs import RAMP_M, PlannerInputs, Route, route_map
 from steerlab.sim.ground_truth.rrt_star import PointTree, cost_to_go, grow_point_tree
 from steerlab.sim.ground_truth.stanley import stanley_rad, steering_of
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import WorldSpec
 
-TIGHT_RADIUS_SHARE = 1.15  # of the least turning radius: what a label may use at need
-TIGHT_EXTRA_M = 8.0  # detour that is rather driven than a tight turn
+TIGHT_RADIUS_SHARE = 1.15  # of the least turning radius: what a label may use if it must
+TIGHT_EXTRA_M = 8.0  # a detour up to this long is preferred to a tight turn
 JOIN_M = 40.0  # how far a committed path may go before it meets the tree
 QUERY_M = 4.0  # within which nodes are asked for the cost-to-go
 DRIVE_MARGIN_M = 0.1  # a start is accepted only if its simulated drive keeps this to spare
 DRIVE_SPARE_TIME = 1.5  # times the path's length at cruise speed
+TRIES_PER_START = 200
 
 
 class Planner:
-    """Both trees of one world. Not for use by several threads at once.
+    """Answers for any pose of one world, from two trees grown once. Not thread-safe.
 
     Args:
         seed: of the trees; the same seed gives the same bits.
@@ -79,7 +79,7 @@ class Planner:
             needed_m=self._needed_m,
             rng=pose_rng,
         )
-        self._task = PlannerInputs(
+        self._inputs = PlannerInputs(
             tree=self.point_tree,
             routes=route_map(self.point_tree),
             grid=grid,
@@ -98,10 +98,10 @@ class Planner:
             hysteresis_m=config.hysteresis_m,
             verify_s=config.verify_s,
         )
-        self._labeller = Labeller(self._task, self.pose_tree)
+        self._labeller = Labeller(self._inputs, self.pose_tree)
 
     def cost_to_go_m(self, x_m: float, y_m: float) -> float:
-        """Length of the shortest way of a point among the grown blocks; infinite where none is."""
+        """Length of a point's shortest path to the ball past grown blocks; infinite if none."""
         cost_m, _ = cost_to_go(self.point_tree, self.free_space, x_m, y_m, QUERY_M)
         return float(cost_m)
 
@@ -159,17 +159,17 @@ class Planner:
             NoPath: the ball cannot be reached from here by driving forward.
         """
         self._check_pose(pose)
-        start, task, radius_m = self._rear(pose), self._task, self.config.plan_radius_m
-        clear_m = float(clearance_at(task.grid, task.body, *start)) - TOUCH_M
+        start, inputs, radius_m = self._rear(pose), self._inputs, self.config.plan_radius_m
+        clear_m = float(clearance_at(inputs.grid, inputs.body, *start)) - TOUCH_M
         keep = Keep(min(clear_m, self._needed_m), self._needed_m, RAMP_M)
         _, node = join_tree(
-            self.pose_tree, np.array(start), radius_m, JOIN_M, task.grid, task.body, keep
+            self.pose_tree, np.array(start), radius_m, JOIN_M, inputs.grid, inputs.body, keep
         )
         if node < 0:
             raise self._no_connection(pose, f"at a turning radius of {radius_m:g} m")
         chain = chain_to_ball(self.pose_tree, np.array(start), node)
-        chain = shorten(chain, radius_m, task.grid, task.body, keep)
-        return Path(*curve(chain, radius_m, radius_m, task.ball, task.path_step_m))
+        chain = shorten(chain, radius_m, inputs.grid, inputs.body, keep)
+        return Path(*curve(chain, radius_m, radius_m, inputs.ball, inputs.path_step_m))
 
     def check_start(self, pose: Pose2D) -> Path:
         """The committed path from a start, once it has been driven in simulation to the ball.
@@ -177,13 +177,13 @@ class Planner:
         Raises:
             NoPath: there is no path, or following it touches something or does not arrive.
         """
-        path, task = self.plan(pose), self._task
-        start, full_m = self._rear(pose), task.body.radius_m + DRIVE_MARGIN_M
-        clear_m = float(clearance_at(task.grid, task.body, *start))
+        path, inputs = self.plan(pose), self._inputs
+        start, full_m = self._rear(pose), inputs.body.radius_m + DRIVE_MARGIN_M
+        clear_m = float(clearance_at(inputs.grid, inputs.body, *start))
         if clear_m < full_m:
             raise NoPath(
                 "pose_in_collision",
-                f"World {self.world.name!r}: the car's discs of {task.body.radius_m:.2f} m at "
+                f"World {self.world.name!r}: the car's discs of {inputs.body.radius_m:.2f} m at "
                 f"{pose} have only {clear_m:.2f} m to the next block or edge; "
                 f"start where they have {full_m:.2f} m.",
             )
@@ -195,10 +195,10 @@ class Planner:
             0.0,
             speed_mps,
             DRIVE_SPARE_TIME * path.length_m / speed_mps,
-            task.ball,
-            task.grid,
-            task.body,
-            task.steering,
+            inputs.ball,
+            inputs.grid,
+            inputs.body,
+            inputs.steering,
             Keep(full_m, full_m, RAMP_M),
         )
         if outcome != ARRIVED:
@@ -220,7 +220,7 @@ class Planner:
             0,
             *rear,
             speed_mps,
-            self._task.steering,
+            self._inputs.steering,
         )
         return self.car.wheel(delta_rad), route
 
@@ -236,12 +236,52 @@ class Planner:
                 f"{where}: blocks leave no room for the car within reach of the ball at "
                 f"{self.world.ball_xy_m}; move them or the ball.",
             )
-        found = collision(pose, self.world, self.car)
-        if found is not None:
-            raise NoPath("pose_in_collision", f"{where}: the car at {pose} is {found}.")
+        obstacle = collision(pose, self.world, self.car)
+        if obstacle is not None:
+            raise NoPath("pose_in_collision", f"{where}: the car at {pose} is {obstacle}.")
 
     def _no_connection(self, pose: Pose2D, how: str) -> NoPath:
         return NoPath(
             "no_connection",
             f"World {self.world.name!r}: no forward path leads from {pose} to the ball {how}.",
         )
+
+
+def sample_starts(
+    planner: Planner, rng: np.random.Generator, count: int, *, min_to_ball_m: float = 20.0
+) -> list[Pose2D]:
+    """Draw poses anywhere on the ground, and keep those that ``Planner.check_start`` accepts.
+
+    Args:
+        planner: of the world to start in.
+        rng: where the poses come from.
+        count: how many starts are wanted.
+        min_to_ball_m: from the car's centre to the ball's.
+
+    Raises:
+        NoPath: too few were found; the world leaves hardly any room.
+    """
+    limit_m = planner.world.half_extent_m
+    ball_x_m, ball_y_m = planner.world.ball_xy_m
+    starts: list[Pose2D] = []
+    reason = "pose_in_collision"
+    for _ in range(TRIES_PER_START * count):
+        if len(starts) == count:
+            return starts
+        x_m, y_m = (float(value) for value in rng.uniform(-limit_m, limit_m, size=2))
+        pose = Pose2D(x_m, y_m, float(rng.uniform(-pi, pi)))
+        if hypot(x_m - ball_x_m, y_m - ball_y_m) < min_to_ball_m:
+            continue
+        try:
+            planner.check_start(pose)
+        except NoPath as error:
+            reason = error.reason
+            continue
+        starts.append(pose)
+    if len(starts) == count:
+        return starts
+    raise NoPath(
+        reason,
+        f"World {planner.world.name!r}: only {len(starts)} of {count} starts found at least "
+        f"{min_to_ball_m:g} m from the ball; ask for fewer, nearer ones, or remove blocks.",
+    )

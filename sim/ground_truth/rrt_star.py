@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from steerlab.sim.arrays import FloatArray
+from steerlab.sim.arrays import FloatArray, IntArray
 from steerlab.sim.ground_truth.boxes import FreeSpace, free_corners, point_free, segment_free
 from steerlab.sim.ground_truth.buckets import (
     Buckets,
@@ -20,8 +20,6 @@ from steerlab.sim.ground_truth.buckets import (
     nearest_point,
     points_within,
 )
-
-IntArray = NDArray[np.int64]
 
 BUCKET_M = 2.0
 MAX_RADIUS_M = 10.0
@@ -137,12 +135,12 @@ def _grow(
                 y = points[nearest, 1] + (y - points[nearest, 1]) * radius / away
                 if not point_free(space, x, y):
                     continue
-        found = points_within(buckets, points, x, y, radius + 1e-9, near)
-        for k in range(found):
+        near_count = points_within(buckets, points, x, y, radius + 1e-9, near)
+        for k in range(near_count):
             node = near[k]
             totals[k] = cost[node] + np.hypot(points[node, 0] - x, points[node, 1] - y)
         chosen, best = -1, 0.0
-        for k in np.argsort(totals[:found]):
+        for k in np.argsort(totals[:near_count]):
             node = near[k]
             if segment_free(space, x, y, points[node, 0], points[node, 1]):
                 chosen, best = node, totals[k]
@@ -152,7 +150,7 @@ def _grow(
         points[count, 0], points[count, 1] = x, y
         cost[count], parent[count] = best, chosen
         bucket_add(buckets, count, x, y)
-        for k in range(found):
+        for k in range(near_count):
             node = near[k]
             through = best + np.hypot(points[node, 0] - x, points[node, 1] - y)
             if through < cost[node] - 1e-12 and segment_free(
@@ -169,7 +167,7 @@ def _grow(
 def _pull_strings(
     space: FreeSpace, points: FloatArray, cost: FloatArray, parent: IntArray, corners: IntArray
 ) -> None:
-    """From the ball outwards, link each node to the farthest forebear it sees along its path.
+    """From the ball outwards, link each node to the farthest ancestor it sees along its path.
 
     A corner is rewired with the whole world for its neighbourhood: random nodes beside it would
     otherwise stay in the way of far ones.
@@ -203,11 +201,11 @@ def cost_to_go(
         cost in metres and the first node of the path; (inf, -1) where no node is seen.
     """
     near = np.empty(MAX_NEIGHBOURS, dtype=np.int64)
-    found = points_within(tree.buckets, tree.points, x_m, y_m, radius_m, near)
+    near_count = points_within(tree.buckets, tree.points, x_m, y_m, radius_m, near)
     best, chosen = np.inf, -1
-    for k in range(2 * found):
-        node = near[k % found]
-        if k < found:
+    for k in range(2 * near_count):
+        node = near[k % near_count]
+        if k < near_count:
             node = tree.parent[node]  # parents first: they make most direct tests needless
             if node < 0:
                 continue

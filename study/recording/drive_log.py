@@ -14,14 +14,12 @@ from steerlab.study.recording import layout
 from steerlab.study.store.records import Event
 from steerlab.teleop.timing import StepTiming
 
-WAY_RADIUS_M = 0.12
-
 
 class DriveLog:
     """Logs steps and events of one attempt to a stream.
 
     Args:
-        stream: where to; its own clocks are turned off, so that nothing depends on when it ran.
+        stream: to log to; its clocks are turned off, so that nothing depends on when this runs.
         control_hz: steps a second.
     """
 
@@ -39,10 +37,10 @@ class DriveLog:
         self._at(step.step, step.t_s)
         wheels = layout.wheels(step)
         self._log(layout.WHEELS, rr.Scalars(wheels))
-        translation, quaternion = _place(step)
-        # from_fields: the constructor would also log an emptiness for everything not given
-        place = rr.Transform3D.from_fields(translation=translation, quaternion=quaternion)
-        self._log(layout.CAR, place)
+        translation, quaternion = _pose(step)
+        # from_fields: the constructor would also log an empty value for everything not given
+        pose = rr.Transform3D.from_fields(translation=translation, quaternion=quaternion)
+        self._log(layout.CAR, pose)
         ways = layout.ways(wheels, self._car)
         strips, colors = [points for points, _ in ways], [rgb for _, rgb in ways]
         self._log(layout.WAYS, rr.LineStrips3D(strips, colors=colors))
@@ -55,7 +53,7 @@ class DriveLog:
         self._log(layout.EVENTS, rr.TextLog(event.what, level=rr.TextLogLevel.INFO))
 
     def steps(self, steps: Sequence[LabelledStep], times: Sequence[StepTiming | None]) -> None:
-        """Many steps at once; ``times`` has one for each, or None."""
+        """Several steps at once; ``times`` has an entry for each, None where there is none."""
         if not steps:
             return
         when = [step.step for step in steps], [step.t_s for step in steps]
@@ -65,8 +63,8 @@ class DriveLog:
             *when,
             rr.Scalars.columns(scalars=np.ravel(wheels)).partition([len(row) for row in wheels]),
         )
-        places = [_place(step) for step in steps]
-        translation, quaternion = [place[0] for place in places], [place[1] for place in places]
+        poses = [_pose(step) for step in steps]
+        translation, quaternion = [xyz_m for xyz_m, _ in poses], [turn for _, turn in poses]
         columns = rr.Transform3D.columns(translation=translation, quaternion=quaternion)
         self._send(layout.CAR, *when, columns)
         ways = [layout.ways(row, self._car) for row in wheels]
@@ -82,7 +80,7 @@ class DriveLog:
             self._send(layout.TIMING, *when, columns)
 
     def events(self, events: Sequence[Event]) -> None:
-        """Many events at once."""
+        """Several events at once."""
         if events:
             at_step = [event.step for event in events]
             texts = [event.what for event in events]
@@ -114,7 +112,7 @@ class DriveLog:
         self._stream.send_columns(path, when, columns, strict=True)
 
 
-def _place(step: LabelledStep) -> tuple[tuple[float, float, float], rr.Quaternion]:
+def _pose(step: LabelledStep) -> tuple[tuple[float, float, float], rr.Quaternion]:
     """Translation in m, and the turn about the vertical."""
     half_rad = step.heading_rad / 2.0
     turn = rr.Quaternion(xyzw=(0.0, 0.0, sin(half_rad), cos(half_rad)))

@@ -1,13 +1,17 @@
-"""Where things are in a recording, what the lines are called, and which colour means what."""
+"""Paths, colours and names of what a recording shows, and its layout in the Rerun viewer."""
 
 from collections.abc import Sequence
 from math import nan, tan
+from typing import Any
 
 import numpy as np
+import rerun.blueprint as rrb
 
 from steerlab.sim.arrays import FloatArray
+from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import LabelledStep
-from steerlab.sim.vehicle import CarConfig
+from steerlab.sim.vehicle import WHEEL_LIMIT, CarConfig
+from steerlab.sim.world import WorldSpec
 from steerlab.teleop.timing import StepTiming
 
 Rgb = tuple[int, int, int]
@@ -25,7 +29,7 @@ ORACLE_NAME = f"{ORACLE_PATH}/name"
 WHEELS, TIMING, EVENTS, CAMERA, ABOUT = "wheels", "timing", "events", "camera", "about"
 
 # Okabe & Ito, "Color Universal Design" (2008), those that stand out on the viewer's dark ground.
-# The oracle and the robot are as in the figures; the ball is as in the camera's picture beside it.
+# The oracle's and the robot's are those of the figures, the ball's that of the camera's picture.
 TEACHER_RGB: Rgb = (240, 228, 66)
 ROBOT_RGB: Rgb = (86, 180, 233)
 ORACLE_RGB: Rgb = (213, 94, 0)
@@ -45,6 +49,8 @@ WAY_M = 12.0
 _WAY_POINTS = 13
 _WAY_HEIGHT_M = 0.2
 _NS_PER_MS = 1e6
+_EYE_HEIGHT_SHARE, _EYE_BACK_SHARE = 0.42, 0.3  # of the start's distance to the ball
+_LEAST_SPAN_M = 30.0
 
 
 def recording_name(participant: str, rollout: str, attempt: int) -> str:
@@ -88,7 +94,7 @@ def ways(wheel_positions: Sequence[float], car: CarConfig) -> list[tuple[FloatAr
 
 
 def _way(car: CarConfig, wheel: float) -> FloatArray:
-    """A circle of the rear axle about the point where the axles' lines meet."""
+    """The rear axle moves on a circle about the point where the lines of both axles meet."""
     along_m = np.linspace(0.0, WAY_M, _WAY_POINTS)
     turned_rad = along_m * tan(car.road_wheel_rad(wheel)) / car.wheelbase_m
     half_base_m = car.wheelbase_m / 2.0
@@ -101,4 +107,61 @@ def _way(car: CarConfig, wheel: float) -> FloatArray:
             rear_y_m + half_base_m * np.sin(turned_rad),
             np.full(_WAY_POINTS, _WAY_HEIGHT_M),
         ]
+    )
+
+
+def blueprint(world: WorldSpec, start: Pose2D, *, pictures: bool) -> Any:
+    """The viewer's panels for one attempt: world, camera, plots and events.
+
+    Args:
+        start: of the drive; the eye is above and behind it and looks towards the ball.
+        pictures: whether there are camera pictures.
+    """
+    scene = rrb.Spatial3DView(
+        origin=f"/{WORLD}",
+        name="World",
+        background=rrb.Background(color=[24, 26, 30], kind=rrb.BackgroundKind.SolidColor),
+        line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=_eye(world, start),
+    )
+    wheel_plot = rrb.TimeSeriesView(
+        origin=f"/{WHEELS}",
+        name=f"Wheel positions, left is up, limits ±{WHEEL_LIMIT:g}",
+        axis_y=rrb.ScalarAxis(range=(-WHEEL_LIMIT, WHEEL_LIMIT), zoom_lock=True),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+    )
+    timing_plot = rrb.TimeSeriesView(
+        origin=f"/{TIMING}",
+        name="Timing of the control steps",
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
+    )
+    events = rrb.TextLogView(origin=f"/{EVENTS}", name="Events")
+    attempt = rrb.TextDocumentView(origin=f"/{ABOUT}", name="Attempt")
+    beside: list[Any] = [rrb.Tabs(attempt, events)]
+    if pictures:
+        beside.insert(0, rrb.Spatial2DView(origin=f"/{CAMERA}", name="What the teacher saw"))
+    return rrb.Blueprint(
+        rrb.Vertical(
+            rrb.Horizontal(scene, rrb.Vertical(*beside), column_shares=[2, 1]),
+            rrb.Horizontal(wheel_plot, timing_plot, column_shares=[2, 1]),
+            row_shares=[3, 2],
+        ),
+        rrb.TimePanel(state="collapsed", timeline=TIME),
+        collapse_panels=True,
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _eye(world: WorldSpec, start: Pose2D) -> rrb.EyeControls3D:
+    start_m, ball_m = np.array((start.x_m, start.y_m)), np.array(world.ball_xy_m)
+    to_ball_m = ball_m - start_m
+    span_m = max(float(np.hypot(*to_ball_m)), _LEAST_SPAN_M)
+    eye_m = start_m - _EYE_BACK_SHARE * to_ball_m
+    centre_m = start_m + 0.45 * to_ball_m
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=(*eye_m.tolist(), _EYE_HEIGHT_SHARE * span_m),
+        look_target=(*centre_m.tolist(), 0.0),
+        eye_up=(0.0, 0.0, 1.0),
     )

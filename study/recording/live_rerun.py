@@ -1,7 +1,7 @@
 """Rerun while a drive goes on: a file for each attempt, and the live viewer.
 
-Rerun is a view of the data, never the data: whatever goes wrong here becomes a warning, the drive
-and the database go on, and ``steerlab replay`` makes the recording anew.
+Rerun only shows the data: whatever goes wrong here becomes a warning, the drive and the database
+go on, and ``steerlab replay`` makes the recording anew.
 """
 
 from collections.abc import Callable, Generator
@@ -11,30 +11,37 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from steerlab.sim.geometry import Pose2D
-from steerlab.sim.records import LabelledStep
-from steerlab.study.store.records import Attempt, Event, StoredRollout
+from steerlab.sim.records import Driver, LabelledStep
+from steerlab.sim.world import Block, WorldSpec
+from steerlab.study.store.records import (
+    Attempt,
+    AttemptData,
+    AttemptStatus,
+    Event,
+    StoredRollout,
+)
 from steerlab.teleop.timing import StepTiming
 
 if TYPE_CHECKING:  # slow to import: done in the writer thread
     import rerun as rr
 
-    from steerlab.study.recording.attempt_data import AttemptData
     from steerlab.study.recording.drive_log import DriveLog
     from steerlab.study.recording.viewer import ViewerProcess
 
-CLOSE_S = 5.0  # a viewer that takes longer to let go of a stream hangs
+CLOSE_S = 5.0  # a viewer that takes longer to close a stream hangs
 _FLUSH_S = 10.0
-_STEPS_BETWEEN_LOOKS = 20  # at whether the viewer is still there
+_INCOMPLETE, _LOST = "This drive's recording is incomplete", "The live viewer was lost"
+_STEPS_BETWEEN_LOOKS = 20  # how often to look whether the viewer is still there
 
 OpenViewer = Callable[[], "ViewerProcess"]
 
 
 class LiveRerun:
-    """Belongs to the writer thread; nothing it does raises.
+    """Writes recordings and feeds the viewer, in the writer thread; its methods never raise.
 
     Args:
         folder: of the recordings.
-        warn: takes a warning's text.
+        warn: called with a warning's text.
         open_viewer: starts the live viewer; None for none.
     """
 
@@ -51,9 +58,7 @@ class LiveRerun:
         self._steps = 0
         with self._guarded("Recordings are not written"):
             folder.mkdir(exist_ok=True)
-            from steerlab.study.recording.warm_up import warm_up
-
-            warm_up()
+            _warm_up()
         if open_viewer is not None:
             with self._guarded("There is no live viewer"):
                 self._viewer = open_viewer()
@@ -82,47 +87,43 @@ class LiveRerun:
         self._steps += 1
         if self._live is not None and self._steps % _STEPS_BETWEEN_LOOKS == 0:
             self._viewer_is_there()
-        self._each(lambda log: log.step(step, times))
+        self._log_to_each(lambda log: log.step(step, times))
 
     def event(self, event: Event) -> None:
         """Log an event."""
-        self._each(lambda log: log.event(event))
+        self._log_to_each(lambda log: log.event(event))
 
-    def end(self, read: Callable[[], "AttemptData"]) -> None:
+    def end(self, read: Callable[[], AttemptData]) -> None:
         """Log what is known only now, and close the attempt's file."""
         self._viewer_is_there()
         if self._file is not None:
-            with self._guarded("This drive's recording is incomplete", "file"):
+            with self._guarded(_INCOMPLETE, "file"):
                 from steerlab.study.recording.scene import log_end
 
                 log_end(self._file, read())
                 self._file.flush(timeout_sec=_FLUSH_S)
                 self._file.disconnect()
         if self._live is not None:
-            with self._guarded("The live viewer was lost", "live"):
+            with self._guarded(_LOST, "live"):
                 from steerlab.study.recording.scene import log_end
 
                 log_end(self._live, read())
                 self._live.flush(timeout_sec=0.0)
-        self._let_go()
+        self._close_streams()
 
     def close(self) -> None:
         """Close file and viewer, in the middle of an attempt too."""
         if self._file is not None:
-            with self._guarded("This drive's recording is incomplete"):
+            with self._guarded(_INCOMPLETE):
                 self._file.disconnect()
-        self._let_go()
+        self._close_streams()
         if self._viewer is not None:
             self._viewer.close()
             self._viewer = None
 
-    def _each(self, act: Callable[["DriveLog"], None]) -> None:
+    def _log_to_each(self, act: Callable[["DriveLog"], None]) -> None:
         for name, log in list(self._logs.items()):
-            what = {
-                "file": "This drive's recording is incomplete",
-                "live": "The live viewer was lost",
-            }[name]
-            with self._guarded(what, name):
+            with self._guarded(_INCOMPLETE if name == "file" else _LOST, name):
                 act(log)
 
     def _viewer_is_there(self) -> bool:
@@ -130,12 +131,12 @@ class LiveRerun:
             return False
         if self._viewer.alive:
             return True
-        self._say("The live viewer was closed; the drive goes on without it.")
-        self._let_go_of_viewer()
+        self._warn_once("The live viewer was closed; the drive goes on without it.")
+        self._drop_viewer()
         return False
 
-    def _let_go(self) -> None:
-        """Drop both streams; a viewer that hangs would hold the second for ever, so it is ended."""
+    def _close_streams(self) -> None:
+        """Close both streams; a viewer that hangs would block the second for ever, so it is ended."""
         self._file = None
         self._logs.pop("file", None)
         live, self._live = self._live, None
@@ -146,11 +147,11 @@ class LiveRerun:
         closing.start()
         closing.join(CLOSE_S)
         if closing.is_alive():
-            self._say("The live viewer hung and was ended; the drives go on without it.")
-            self._let_go_of_viewer()
+            self._warn_once("The live viewer hung and was ended; the drives go on without it.")
+            self._drop_viewer()
             closing.join()
 
-    def _let_go_of_viewer(self) -> None:
+    def _drop_viewer(self) -> None:
         self._logs.pop("live", None)
         if self._viewer is not None:
             self._viewer.close()  # before its stream is dropped, which waits for one that hangs
@@ -162,9 +163,9 @@ class LiveRerun:
         """Make any failure a warning, and no longer use the log that failed."""
         try:
             yield
-        except BaseException as error:  # a panic in Rerun is no Exception; Ctrl-C never gets here
+        except BaseException as error:  # a panic in Rerun is no Exception; Ctrl-C is not seen here
             reason = " ".join(str(error).split()) or type(error).__name__
-            self._say(
+            self._warn_once(
                 f"{what}: {reason.rstrip('.')}. The data is safe in study.db; steerlab replay "
                 f"shows it."
             )
@@ -175,14 +176,14 @@ class LiveRerun:
                 else:
                     self._live = None
 
-    def _say(self, text: str) -> None:
+    def _warn_once(self, text: str) -> None:
         if text not in self._warned:
             self._warned.add(text)
             self._warn(text)
 
 
 def _layout(rollout: StoredRollout, start: Pose2D) -> Any:
-    from steerlab.study.recording.blueprint import blueprint
+    from steerlab.study.recording.layout import blueprint
 
     return blueprint(rollout.world, start, pictures=False)
 
@@ -197,3 +198,74 @@ def _log_beginning(
     stream.send_recording_name(recording_name(*attempt.key))
     log_world(stream, rollout.world, start)
     return DriveLog(stream, rollout.control_hz)
+
+
+def _warm_up() -> None:
+    """Log all that a recording holds to a stream that is dropped: the first time takes up to 1 s."""
+    from steerlab.study.recording.rebuild import new_stream
+    from steerlab.study.recording.scene import log_end
+
+    start = Pose2D(0.0, 0.0, 0.0)
+    world = WorldSpec(
+        name="warm-up", ball_xy_m=(20.0, 0.0), start=start, blocks=(Block(9.0, 9.0, 1.0, 1.0),)
+    )
+    rollout = StoredRollout(name="warm-up", world=world, control_hz=20.0, seed=None, steps=None)
+    attempt = Attempt(
+        participant="nobody",
+        rollout="warm-up",
+        attempt=0,
+        status=AttemptStatus.RUNNING,
+        order_index=0,
+    )
+    times = StepTiming(
+        deadline_ns=0,
+        actual_ns=1,
+        sample_ns=2,
+        event_age_ns=None,
+        overrun=False,
+        focus=True,
+        device_ok=True,
+    )
+    event = Event(step=0, at_ns=0, what="warm-up")
+    data = AttemptData(
+        rollout=rollout,
+        attempt=attempt,
+        session=None,
+        steps=[_made_up_step(0), _made_up_step(1)],
+        times=[times, times],
+        events=[event],
+        flags=[],
+    )
+    stream = new_stream(rollout, attempt.participant, attempt.attempt)
+    stream.memory_recording()
+    stream.send_blueprint(_layout(rollout, start))
+    log = _log_beginning(stream, rollout, attempt, start)
+    log.event(event)
+    for step in data.steps:
+        log.step(step, times)
+    log_end(stream, data)
+    stream.disconnect()
+
+
+def _made_up_step(step: int) -> LabelledStep:
+    return LabelledStep(
+        participant="nobody",
+        rollout="warm-up",
+        attempt=0,
+        step=step,
+        t_s=step / 20.0,
+        x_m=float(step),
+        y_m=0.0,
+        heading_rad=0.0,
+        speed_mps=5.0,
+        lateral_speed_mps=0.0,
+        yaw_rate_radps=0.0,
+        acceleration_x_mps2=0.0,
+        acceleration_y_mps2=0.0,
+        robot_wheel=0.0,
+        teacher_label=0.0,
+        oracle_label=0.0,
+        executed_wheel=0.0,
+        gate=Driver.ROBOT,
+        label_valid=True,
+    )

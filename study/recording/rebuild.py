@@ -1,36 +1,54 @@
-"""Recordings made from the study store alone."""
+"""Rerun recordings made from the study store alone, with the camera's pictures if wanted."""
 
 import subprocess
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from io import BytesIO
 from pathlib import Path
+from typing import Protocol
 from urllib.parse import quote
 
+import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+from PIL import Image
 
 from steerlab.sim.arrays import FloatArray
+from steerlab.sim.files.whole_file import whole_file
 from steerlab.sim.geometry import Pose2D
+from steerlab.sim.records import LabelledStep
+from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import WorldSpec
 from steerlab.study.recording import layout
-from steerlab.study.recording.attempt_data import AttemptData, read_attempt
-from steerlab.study.recording.blueprint import blueprint
 from steerlab.study.recording.drive_log import DriveLog
-from steerlab.study.recording.errors import RecordingUnavailable
-from steerlab.study.recording.executable import rerun_executable
-from steerlab.study.recording.pictures import OpenView, jpegs, shown_steps
 from steerlab.study.recording.scene import log_end, log_world
-from steerlab.study.recording.whole_recording import whole_recording
-from steerlab.study.store.records import Attempt, StoredRollout
-from steerlab.study.store.store import StudyStore
+from steerlab.study.recording.viewer import RecordingUnavailable, rerun_executable
+from steerlab.study.store.records import Attempt, AttemptData, StoredRollout
+from steerlab.study.store.store import STUDY_FILE, StudyStore
 
-STUDY_FILE = "study.db"
+PICTURES_HZ = 10.0  # enough to follow by eye; 14 MB a minute at 20 Hz and full size
+JPEG_QUALITY = 75
 OraclePath = Callable[[WorldSpec, Pose2D], FloatArray | None]
-"""(points, 2) the way that the oracle would go from a pose; None where there is none."""
+"""Gives the oracle's path from a pose, (points, 2); None where there is none."""
 Progress = Callable[[str, float], None]
 
 
+class View(Protocol):
+    """Draws a world with the car anywhere in it, such as ``steerlab.sim.engine.world_view``."""
+
+    def frame(self, pose: Pose2D, road_wheel_rad: float = 0.0) -> NDArray[np.uint8]:
+        """(height, width, 3) RGB, top row first."""
+        ...
+
+
+OpenView = Callable[[WorldSpec], AbstractContextManager[View]]
+"""Prepares to draw a world: slow, and it holds an OpenGL context until it is closed."""
+
+
 def recording_file(participant: str, rollout: str, attempt: int) -> str:
-    """Name of an attempt's file; any pseudonym becomes a file name, and no two the same."""
+    """Name of an attempt's file; pseudonyms are escaped, so that no two attempts share a name."""
     person = quote(participant, safe=" ").replace("-", "%2D")
     return f"{person}-{quote(rollout, safe=' ')}-{attempt}.rrd"
 
@@ -38,7 +56,7 @@ def recording_file(participant: str, rollout: str, attempt: int) -> str:
 def new_stream(rollout: StoredRollout, participant: str, attempt: int) -> rr.RecordingStream:
     """A stream for one attempt, connected to nothing yet.
 
-    All attempts at a rollout belong to one application, which is what Rerun keeps a layout for.
+    All attempts at a rollout belong to one Rerun application, since Rerun keeps a layout for each.
     """
     stream = rr.RecordingStream(
         f"steerlab {rollout.name}",
@@ -114,7 +132,7 @@ def rebuild_recording(
     Args:
         folder: of the study.
         open_view: draws the camera's pictures; none are made without it.
-        oracle_path: gives the oracle's way from each start; it is left out without it.
+        oracle_path: gives the oracle's path from each start; without it none is shown.
 
     Returns:
         the attempts written.
@@ -127,14 +145,14 @@ def rebuild_recording(
         attempts = choose(store, participant=participant, rollout=rollout, attempt=attempt)
         try:
             out.parent.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as place:
+            with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as temporary:
                 files: list[Path] = []
-                for number, one in enumerate(attempts):
+                for number, chosen in enumerate(attempts):
                     progress("rebuilding recordings", number / len(attempts))
-                    files.append(Path(place) / f"{number}.rrd")
-                    data = read_attempt(store, one)
+                    files.append(Path(temporary) / f"{number}.rrd")
+                    data = store.attempt_data(chosen)
                     write_recording(data, files[-1], open_view=open_view, oracle_path=oracle_path)
-                _join(files, Path(place) / "all.rrd").replace(out)
+                _join(files, Path(temporary) / "all.rrd").replace(out)
         except OSError as error:
             raise RecordingUnavailable(
                 f"Cannot write {out}: {error.strerror or error}. Choose another file or make room."
@@ -157,7 +175,7 @@ def write_recording(
     """
     attempt, world, start = data.attempt, data.rollout.world, data.start
     stream = new_stream(data.rollout, attempt.participant, attempt.attempt)
-    shown_as = blueprint(world, start, pictures=open_view is not None)
+    shown_as = layout.blueprint(world, start, pictures=open_view is not None)
     try:
         with whole_recording(stream, out, shown_as):
             stream.send_recording_name(layout.recording_name(*attempt.key))
@@ -168,13 +186,50 @@ def write_recording(
             log_end(stream, data, oracle_path and oracle_path(world, start))
             if open_view is not None and data.steps:
                 with open_view(world) as view:
-                    shown = shown_steps(data.steps, data.rollout.control_hz)
-                    log.pictures(shown, jpegs(view, shown))
+                    shown = _shown_steps(data.steps, data.rollout.control_hz)
+                    log.pictures(shown, _jpegs(view, shown))
     except RuntimeError as error:  # what Rerun raises when a write fails
         raise OSError(f"{error}") from error
 
 
+@contextmanager
+def whole_recording(
+    stream: rr.RecordingStream, out: Path, blueprint: rrb.Blueprint
+) -> Generator[None]:
+    """Write what the block logs to ``out``, whole; if the block raises, ``out`` is as it was.
+
+    Raises:
+        OSError, RuntimeError: it cannot be written; the second is what Rerun raises.
+    """
+    with whole_file(out) as part:
+        try:
+            stream.save(part, default_blueprint=blueprint)
+            yield
+            stream.flush()
+        finally:
+            stream.disconnect()  # also after an error: Windows deletes no file that is open
+
+
+def _shown_steps(steps: Sequence[LabelledStep], control_hz: float) -> Sequence[LabelledStep]:
+    """The steps that get a camera picture."""
+    return steps[:: max(1, round(control_hz / PICTURES_HZ))]
+
+
+def _jpegs(view: View, steps: Sequence[LabelledStep], car: CarConfig | None = None) -> list[bytes]:
+    """The camera's view at each step, as JPEG files."""
+    car = car or CarConfig()
+    drawn: list[bytes] = []
+    for step in steps:
+        pose = Pose2D(step.x_m, step.y_m, step.heading_rad)
+        file = BytesIO()
+        frame = view.frame(pose, car.road_wheel_rad(step.executed_wheel))
+        Image.fromarray(frame).save(file, "JPEG", quality=JPEG_QUALITY)
+        drawn.append(file.getvalue())
+    return drawn
+
+
 def _join(files: Sequence[Path], out: Path) -> Path:
+    """Merge recordings into ``out``; returns the file that holds them all."""
     if len(files) == 1:
         return files[0]
     command = [str(rerun_executable()), "rrd", "merge", *map(str, files), "-o", str(out)]

@@ -1,4 +1,4 @@
-"""What stands still in a recording: the world, the car's body, names of lines, the paths."""
+"""What does not change during a recording: the world, the car's body, line names and paths."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,7 +13,7 @@ from steerlab.sim.records import Driver, LabelledStep
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import BALL_RADIUS_M, WorldSpec
 from steerlab.study.recording import layout
-from steerlab.study.recording.attempt_data import AttemptData
+from steerlab.study.store.records import AttemptData
 
 _SOLID = rr.components.FillMode.Solid
 _PATH_HEIGHT_M = 0.12
@@ -95,7 +95,7 @@ def log_end(
     """Everything that is known only when an attempt is over.
 
     Args:
-        oracle_xy_m: (points, 2) the way the oracle would have gone from the start, where known.
+        oracle_xy_m: the oracle's path from the start, (points, 2), where known.
     """
     if len(data.steps) > 1:
         strips, gates = _driven(data.steps)
@@ -113,7 +113,7 @@ def log_end(
             radii=[_ORACLE_RADIUS_M],
         )
         stream.log(layout.ORACLE_PATH, oracle, static=True, strict=True)
-        name = rr.Points3D(  # a line's own label is in its middle, on that of the driven one
+        name = rr.Points3D(  # a label of the line would lie in its middle, on the label of the driven line
             _on_ground(oracle_xy_m[len(oracle_xy_m) // 4][None]),
             colors=[layout.ORACLE_RGB],
             radii=[_ORACLE_RADIUS_M],
@@ -166,7 +166,7 @@ def _body(car: CarConfig) -> rr.Boxes3D:
 
 
 def _driven(steps: Sequence[LabelledStep]) -> tuple[list[FloatArray], list[Driver]]:
-    """A strip for each stretch that one of the two drove."""
+    """A line strip for each stretch with the same driver, and those drivers."""
     starts = [0, *(i for i in range(1, len(steps)) if steps[i].gate is not steps[i - 1].gate)]
     points = _on_ground(np.array([(step.x_m, step.y_m) for step in steps]))
     strips = [points[first : last + 1] for first, last in pairwise([*starts, len(steps)])]

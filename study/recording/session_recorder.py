@@ -1,4 +1,4 @@
-"""A participant's session on record: the study's database, and a recording of each attempt."""
+"""Recording a participant's session: into the study's database, and a Rerun file an attempt."""
 
 import logging
 from collections.abc import Mapping
@@ -6,7 +6,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from steerlab.sim.errors import SteerlabError
@@ -16,15 +15,15 @@ from steerlab.study.recording.live_rerun import LiveRerun, OpenViewer
 from steerlab.study.recording.writer import AttemptWriter, RecordingError, WriterThread
 from steerlab.study.store.errors import StoreError
 from steerlab.study.store.records import Attempt, SessionRecord, StoredRollout
-from steerlab.study.store.store import StudyStore
+from steerlab.study.store.store import STUDY_FILE, StudyStore
 from steerlab.teleop.devices.contract import DeviceInfo
 from steerlab.teleop.drives.contract import Drive
 
 if TYPE_CHECKING:
-    from steerlab.study.recording.pictures import OpenView
-    from steerlab.study.recording.rebuild import OraclePath, Progress
+    from steerlab.study.recording.rebuild import OpenView, OraclePath, Progress
 
-STUDY_FILE, RECORDINGS = "study.db", "recordings"
+RECORDINGS = "recordings"
+"""The subfolder of the Rerun recordings."""
 AFTER_A_CRASH = "found running after a crash"
 
 _log = logging.getLogger(__name__)
@@ -32,7 +31,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class SessionInfo:
-    """Who sits where; see ``SessionRecord`` in the store for the meaning of each.
+    """Participant, device and display of a session; see ``SessionRecord`` in the store.
 
     Attributes:
         role: of the participant in the study, such as ``seen``.
@@ -150,7 +149,6 @@ class SessionRecorder:
 
         Call it between drives or after the last, in the thread that may draw.
         """
-        from steerlab.study.recording.attempt_data import read_attempt
         from steerlab.study.recording.rebuild import recording_file, write_recording
 
         self._thread.ask(lambda: None)  # until the last recording is closed
@@ -161,7 +159,7 @@ class SessionRecorder:
                 progress("drawing pictures", number / len(ended))
                 out = self.folder / RECORDINGS / recording_file(*attempt.key)
                 try:
-                    data = read_attempt(store, now[attempt.key])
+                    data = store.attempt_data(now[attempt.key])
                     write_recording(data, out, open_view=open_view, oracle_path=oracle_path)
                 except (OSError, SteerlabError) as error:
                     self._thread.ask(
@@ -187,12 +185,7 @@ class SessionRecorder:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     # In the writer thread, which owns the store.
@@ -207,7 +200,7 @@ class SessionRecorder:
         store.add_participant(info.participant, info.role)
         sessions = store.sessions().values()
         number = 1 + sum(session.participant == info.participant for session in sessions)
-        found = versions()
+        environment = versions()
         session = SessionRecord(
             id=f"{info.participant}-{number}",
             participant=info.participant,
@@ -223,8 +216,8 @@ class SessionRecorder:
             control_hz=info.control_hz,
             input_latency_ms=info.input_latency_ms,
             settings=info.settings,
-            steerlab_version=found.pop("steerlab"),
-            environment=found,
+            steerlab_version=environment.pop("steerlab"),
+            environment=environment,
         )
         store.add_session(session)
         return session.id

@@ -1,4 +1,4 @@
-"""The Rerun viewer as a program: started, opened on a file, and made to draw a picture."""
+"""The Rerun viewer as a program: found, started, opened on a file, and made to draw a picture."""
 
 import os
 import shutil
@@ -6,26 +6,54 @@ import socket
 import subprocess
 import tempfile
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from time import monotonic, sleep
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.own_process import apart_from_terminal
-from steerlab.study.recording import layout
-from steerlab.study.recording.errors import RecordingUnavailable
-from steerlab.study.recording.executable import rerun_executable
 
 if TYPE_CHECKING:
     from rerun.experimental import Recording, ViewerClient
 
+EXECUTABLE = "STEERLAB_RERUN"  # environment variable: another viewer than the installed one
 MEMORY_LIMIT = "1GB"  # of what the viewer keeps; beyond it the oldest goes
 START_S = 15.0
-WINDOW_S = 1.0  # it listens before it opens its window, and ends if it cannot
+WINDOW_S = 1.0  # it listens before it opens its window, and ends if it cannot open one
 DRAW_S = 60.0
-SETTLE_S = 9.0  # shaders are compiled, and the notes at the top right have gone
+SETTLE_S = 9.0  # until shaders are compiled and the notes at the top right have gone
 VULKAN_HINT = "sudo apt-get install -y mesa-vulkan-drivers"
 _LOCAL = "127.0.0.1"
+
+
+class RecordingUnavailable(SteerlabError):
+    """A recording cannot be chosen, written, opened or drawn."""
+
+
+def rerun_executable() -> Path:
+    """The viewer's program, beside its library whether or not that folder is on the PATH.
+
+    Raises:
+        RecordingUnavailable: there is none; says how to get it.
+    """
+    chosen = os.environ.get(EXECUTABLE)
+    candidates: list[Path] = []
+    if chosen:
+        candidates = [Path(chosen)]
+    else:
+        spec = find_spec("rerun_cli")
+        if spec is not None and spec.origin is not None:
+            candidates += [Path(spec.origin).parent / name for name in ("rerun", "rerun.exe")]
+        if on_path := shutil.which("rerun"):
+            candidates.append(Path(on_path))
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate
+    where = f"{EXECUTABLE} is {chosen!r}, which is no file" if chosen else "it is not installed"
+    raise RecordingUnavailable(
+        f"The Rerun viewer cannot be started: {where}. Install it with pip install rerun-sdk."
+    )
 
 
 class ViewerProcess:
@@ -53,19 +81,19 @@ class ViewerProcess:
         command += ["--memory-limit", MEMORY_LIMIT, "--hide-welcome-screen"]
         command += ["--headless"] if headless else []
         command += ["--window-size", "{}x{}".format(*size_px)] if size_px else []
-        # a file, for a pipe that nobody reads would stop it; closed with the viewer
-        self._words = tempfile.TemporaryFile()  # noqa: SIM115
+        # a file: the viewer would stall on a full pipe that nobody reads
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115
         try:
             self._process = subprocess.Popen(
                 [*command, *arguments],
                 stdin=subprocess.DEVNULL,
-                stdout=self._words,
-                stderr=self._words,
+                stdout=self._output,
+                stderr=self._output,
                 env={**os.environ, "RERUN_APP_ONLY": "true", "NO_COLOR": "1"},
                 **apart_from_terminal(),
             )
         except OSError as error:
-            self._words.close()
+            self._output.close()
             raise RecordingUnavailable(
                 f"The Rerun viewer cannot be started: {error.strerror or error}. Install it with "
                 f"pip install rerun-sdk."
@@ -91,32 +119,27 @@ class ViewerProcess:
         if self.alive:
             self._process.kill()  # there is nothing to save in it
         self._process.wait()
-        self._words.close()
+        self._output.close()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def _wait_until_up(self, start_s: float, window_s: float) -> None:
-        late = monotonic() + start_s
-        while self.alive and monotonic() < late:
+        deadline_s = monotonic() + start_s
+        while self.alive and monotonic() < deadline_s:
             if listens(self.port):
                 sleep(window_s)
                 if self.alive:
                     return
             sleep(0.02)
-        self._words.seek(0)
-        words = self._words.read().decode(errors="replace").strip().splitlines()
+        self._output.seek(0)
+        lines = self._output.read().decode(errors="replace").strip().splitlines()
         self.close()
         raise RecordingUnavailable(
-            f"The Rerun viewer did not come up: {_reason(words)} It needs a display and a "
+            f"The Rerun viewer did not come up: {_reason(lines)} It needs a display and a "
             f"graphics driver; without a graphics card: {VULKAN_HINT}"
         )
 
@@ -157,6 +180,8 @@ def screenshot(
     """
     from rerun.experimental import ViewerClient
 
+    from steerlab.study.recording.layout import TIME
+
     png.parent.mkdir(parents=True, exist_ok=True)
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -168,10 +193,10 @@ def screenshot(
             client.open(str(recording.resolve()))
             recordings = _loaded(client)
             first = recordings[0]
-            length_ns = {t.name: t.end or 0 for t in first.timelines}.get(layout.TIME, 0)
+            length_ns = {t.name: t.end or 0 for t in first.timelines}.get(TIME, 0)
             client.set_location(first.location)
             moment_s = length_ns / 1e9 * 2.0 / 3.0 if at_s is None else at_s
-            client.set_time(layout.TIME, duration=moment_s, play_state="paused")
+            client.set_time(TIME, duration=moment_s, play_state="paused")
             sleep(SETTLE_S)
             client.save_screenshot(str(drawn))
         except (RuntimeError, ConnectionError, TimeoutError) as error:
@@ -186,8 +211,8 @@ def screenshot(
 
 def _loaded(client: "ViewerClient") -> list["Recording"]:
     """Recordings once all of them have arrived."""
-    late = monotonic() + DRAW_S
-    while monotonic() < late:
+    deadline_s = monotonic() + DRAW_S
+    while monotonic() < deadline_s:
         state = client.get_state()
         if state.recordings and not state.loading and all(r.timelines for r in state.recordings):
             return state.recordings
@@ -201,7 +226,8 @@ def _free_port() -> int:
         return probe.getsockname()[1]
 
 
-def _reason(words: list[str]) -> str:
-    telling = [line for line in words if "error" in line.lower() or "panicked" in line]
-    last = (telling or words or ["it said nothing"])[-1].strip()
+def _reason(lines: list[str]) -> str:
+    """The last line of the viewer's output that names an error."""
+    errors = [line for line in lines if "error" in line.lower() or "panicked" in line]
+    last = (errors or lines or ["it said nothing"])[-1].strip()
     return last if last.endswith(".") else f"{last}."

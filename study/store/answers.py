@@ -1,7 +1,7 @@
-"""Answers to questionnaires and remarks of the experimenter's; each is a new row, none is changed.
+"""Answers to questionnaires and remarks of the experimenter; each is a new row, none is changed.
 
-An answer's audit entry holds a hash of it with a random nonce that lies beside the answer: an edited
-answer shows, and once answer and nonce are erased the hash says nothing.
+An answer's audit entry holds a hash of the answer and of a random nonce kept beside it: an edited
+answer no longer fits its hash, and once answer and nonce are erased the hash reveals nothing.
 """
 
 import json
@@ -11,14 +11,14 @@ from hashlib import sha256
 
 from steerlab.study.store.connection import StoreConnection
 from steerlab.study.store.rows import Table
+from steerlab.study.surveys.answer_format import Value
 
-Value = str | int | float
 ANSWERED = "answer kept"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Response:
-    """One answer as it was given; ``value`` None takes back the one before.
+    """One answer as it was given; ``value`` None takes back the earlier answer.
 
     Attributes:
         phase_run: how often the phase had been reopened by then; only the last run counts.
@@ -36,7 +36,7 @@ class Response:
 
     @property
     def seal(self) -> str:
-        """What the audit says of it."""
+        """The text that the audit keeps of it."""
         fields = [self.participant, self.phase, self.phase_run, self.questionnaire, self.item]
         text = json.dumps([*fields, self.value, self.nonce], ensure_ascii=False)
         return f"response {self.id} {sha256(text.encode()).hexdigest()}"
@@ -74,7 +74,7 @@ def insert_response(
 def read_responses(
     connection: StoreConnection, participant: str | None = None, phase: str | None = None
 ) -> list[Response]:
-    """All answers ever given, by these if named, in order."""
+    """All answers ever given in order, or those of a participant or a phase."""
     named = {"participant": participant, "phase": phase}
     given = {column: name for column, name in named.items() if name is not None}
     where = " AND ".join(f"{column} = ?" for column in given) or "1"
@@ -82,13 +82,13 @@ def read_responses(
 
 
 def insert_note(connection: StoreConnection, participant: str | None, text: str) -> None:
-    """Keep a remark; the audit says only that there is one, since it goes with the person."""
+    """Keep a remark; the audit has only that there is one, since erasing deletes its text."""
     connection.insert("notes", participant=participant, at_utc=connection.now(), text=text)
     connection.log("note kept", participant or "about the study")
 
 
 def read_notes(connection: StoreConnection, participant: str | None) -> list[tuple[str, str]]:
-    """(time in UTC, text) of each remark about a participant; None: about the study."""
+    """Time in UTC and text of each remark about a participant; None: about the study."""
     return connection.read(
         "SELECT at_utc, text FROM notes WHERE participant IS ? ORDER BY id", participant
     )

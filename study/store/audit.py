@@ -1,7 +1,7 @@
-"""The audit's hash chain: each entry seals itself and, through the one before, all before it.
+"""The audit's hash chain: each entry's hash covers the entry and the hash of the one before.
 
-The chain shows edits that do not rebuild all of it from there on. Against somebody who does, keep
-the newest hash elsewhere: ``study verify`` prints it, and takes it back to look for it.
+The chain exposes any edit that does not rebuild all later entries. Against somebody who does that,
+keep the newest hash elsewhere: ``study verify`` prints it, and can be told to look for it.
 """
 
 import sqlite3
@@ -16,7 +16,7 @@ class AuditEntry:
     """One act, as it was logged; ``at_utc`` is ISO 8601.
 
     Attributes:
-        sha256: its seal; None only in an entry that another program put in.
+        sha256: of the chain up to here; None only in an entry that another program put in.
     """
 
     id: int
@@ -32,7 +32,7 @@ AUDIT = Table("audit", AuditEntry)
 def entry_sha256(before: str, id_: int, at_utc: str, act: str, detail: str) -> str:
     """The hash of an entry whose predecessor's is ``before``; empty for the first.
 
-    Lengths go in, so that no text can pass for the end of one field and the start of the next.
+    Lengths are hashed too, so that a text cannot be moved from one field into the next.
     """
     digest = sha256()
     for part in (before, str(id_), at_utc, act, detail):

@@ -14,7 +14,7 @@ from steerlab.study.store.schema import APPLICATION_ID, SCHEMA, STORE_VERSION
 
 BUSY_TIMEOUT_S = 5.0
 
-_MENDS = {
+_REMEDIES = {
     sqlite3.SQLITE_BUSY: "another program holds it; close that program and try again",
     sqlite3.SQLITE_LOCKED: "another program holds it; close that program and try again",
     sqlite3.SQLITE_READONLY: "make the file and its folder writable, or open it with read_only",
@@ -28,14 +28,16 @@ _MENDS = {
 
 
 def fail(path: Path, act: str, error: sqlite3.Error) -> NoReturn:
-    """Raise the ``StoreError`` that says what was tried, why it failed and how to mend it."""
+    """Raise the ``StoreError`` that says what was tried, why it failed and what to do."""
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # the low byte is the primary code
-    mend = _MENDS.get(code)
-    raise StoreError(f"Cannot {act} in {path}: {error}{f'; {mend}' if mend else ''}.") from error
+    remedy = _REMEDIES.get(code)
+    raise StoreError(
+        f"Cannot {act} in {path}: {error}{f'; {remedy}' if remedy else ''}."
+    ) from error
 
 
 class StoreConnection:
-    """What everything that reads or writes the store goes through; stays in one thread."""
+    """An open study database: all reads and writes go through it, in one thread."""
 
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self.path = path
@@ -75,7 +77,7 @@ class StoreConnection:
         if not path.is_file():
             raise StoreError(f"There is no study database at {path}; check the path or create one.")
         with _closed_on_error(path, "open the study", read_only=read_only) as connection:
-            _recognise(connection, path)
+            _check_ours(connection, path)
             if not read_only:  # take the lock once: a read-only file is told now, not in a drive
                 connection.execute("BEGIN IMMEDIATE")
                 connection.execute("COMMIT")
@@ -86,7 +88,7 @@ class StoreConnection:
         self.sqlite.close()
 
     def run(self, statement: str, *values: Any) -> sqlite3.Cursor:
-        """One statement; inside ``transaction``, which turns SQLite's errors into ours."""
+        """Run one statement, inside ``transaction``, which turns SQLite's errors into ours."""
         return self.sqlite.execute(statement, values)
 
     def insert(self, table: str, **values: Any) -> None:
@@ -95,7 +97,7 @@ class StoreConnection:
         self.run(f"INSERT INTO {table} ({', '.join(values)}) VALUES ({places})", *values.values())
 
     def read(self, query: str, *values: Any) -> list[Any]:
-        """All rows.
+        """All rows of a query.
 
         Raises:
             StoreError: the file cannot be read.
@@ -110,7 +112,7 @@ class StoreConnection:
         return now(self.sqlite)
 
     def next_id(self, table: str) -> int:
-        """Of the row that is inserted next; inside ``transaction``."""
+        """The id of the row that is inserted next; inside ``transaction``."""
         return self.run(f"SELECT coalesce(max(id), 0) + 1 FROM {table}").fetchone()[0]
 
     def log(self, act: str, detail: str) -> None:
@@ -119,10 +121,10 @@ class StoreConnection:
 
     @contextmanager
     def transaction(self, act: str, *, durable: bool = False) -> Generator[None]:
-        """All of the block or nothing; ``durable`` waits until the disk has it and all before.
+        """Do all of the block or nothing; ``durable`` waits until the disk has it and all before.
 
         Raises:
-            StoreError: SQLite could not do it; says that it was ``act``.
+            StoreError: SQLite could not do it; the message names ``act``.
         """
         try:
             if durable:
@@ -184,7 +186,7 @@ def _fill(connection: sqlite3.Connection, path: Path) -> None:
     connection.execute("PRAGMA synchronous = NORMAL")
 
 
-def _recognise(connection: sqlite3.Connection, path: Path) -> None:
+def _check_ours(connection: sqlite3.Connection, path: Path) -> None:
     """Refuse what this steerlab did not make and cannot read."""
     if connection.execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
         raise StoreError(
@@ -192,16 +194,16 @@ def _recognise(connection: sqlite3.Connection, path: Path) -> None:
             f"study folder."
         )
     meta = dict(connection.execute("SELECT key, value FROM meta"))
-    found = f"schema version {meta.get('schema_version', 'none')}"
-    if found == f"schema version {STORE_VERSION}":
-        # Schemas that were never released share the number: what tells them is what they lack.
+    schema = f"schema version {meta.get('schema_version', 'none')}"
+    if schema == f"schema version {STORE_VERSION}":
+        # Unreleased schemas share the number; they differ in what they lack.
         missing = sorted(_expected() - _columns(connection))
         if not missing:
             return
-        found += f" without {missing[0]}"
+        schema += f" without {missing[0]}"
     raise StoreError(
         f"{path} was made by another version of steerlab ({meta.get('created_by', 'unknown')}, "
-        f"{found}), and this one ({_this_steerlab()}, schema version {STORE_VERSION}) cannot read "
+        f"{schema}), and this one ({_this_steerlab()}, schema version {STORE_VERSION}) cannot read "
         f"it: open it with the steerlab that made it, since formats that were never released are "
         f"not converted."
     )

@@ -10,7 +10,7 @@ from steerlab.study.store.rows import Table
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FrozenProtocol:
-    """One version of the protocol, word for word; ``sha256`` is of ``text``."""
+    """One version of the protocol as its file was; ``sha256`` is of ``text``."""
 
     version: int
     frozen_utc: str
@@ -34,7 +34,7 @@ class FrozenModel:
 
     Attributes:
         file: within the study's folder.
-        people: whose labels it was trained on.
+        people: the participants whose labels it was trained on.
         inputs: hash of those labels.
         removed_utc: None while it is in use.
     """
@@ -50,7 +50,7 @@ class FrozenModel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StoredEmbedding:
-    """A test participant's w, and how sure it is.
+    """A test participant's w, and how certain it is.
 
     Attributes:
         w: (d,).
@@ -91,8 +91,8 @@ def insert_protocol(
     version, at_utc = last + 1, connection.now()
     frozen = FrozenProtocol(version=version, frozen_utc=at_utc, sha256=sha256, text=text, why=why)
     PROTOCOLS.insert(connection, frozen)
-    for one in instruments:
-        INSTRUMENTS.insert(connection, one, protocol_version=version)
+    for instrument in instruments:
+        INSTRUMENTS.insert(connection, instrument, protocol_version=version)
     connection.log("protocol frozen", f"version {version}, sha256 {sha256}: {why}")
     return version
 
@@ -104,8 +104,8 @@ def read_protocols(connection: StoreConnection) -> list[FrozenProtocol]:
 
 def read_instruments(connection: StoreConnection, version: int) -> Mapping[str, Instrument]:
     """The questionnaires of a version of the protocol, by key."""
-    found = INSTRUMENTS.select(connection, "WHERE protocol_version = ?", version)
-    return {one.key: one for one in found}
+    rows = INSTRUMENTS.select(connection, "WHERE protocol_version = ?", version)
+    return {instrument.key: instrument for instrument in rows}
 
 
 def insert_model(
@@ -133,16 +133,23 @@ def mark_model_removed(connection: StoreConnection, model: FrozenModel, why: str
 
 
 def read_models(connection: StoreConnection) -> list[FrozenModel]:
-    """All, oldest first."""
+    """All networks, oldest first."""
     return MODELS.select(connection, "ORDER BY id")
 
 
-def insert_embedding(connection: StoreConnection, found: StoredEmbedding) -> None:
-    """Keep a participant's w; a later one takes its place and both stay."""
-    EMBEDDINGS.insert(connection, found, at_utc=connection.now())
-    connection.log("w kept", f"{found.participant} with network {found.model_sha256}")
+def people_in_use(connection: StoreConnection) -> set[str]:
+    """The participants whose labels the network in use was trained on."""
+    models = read_models(connection)
+    return {person for model in models if model.removed_utc is None for person in model.people}
+
+
+def insert_embedding(connection: StoreConnection, embedding: StoredEmbedding) -> None:
+    """Keep a participant's w; the newest counts, and older ones stay."""
+    EMBEDDINGS.insert(connection, embedding, at_utc=connection.now())
+    connection.log("w kept", f"{embedding.participant} with network {embedding.model_sha256}")
 
 
 def read_embeddings(connection: StoreConnection) -> dict[str, StoredEmbedding]:
     """The newest w of everyone who has one."""
-    return {one.participant: one for one in EMBEDDINGS.select(connection, "ORDER BY id")}
+    rows = EMBEDDINGS.select(connection, "ORDER BY id")
+    return {embedding.participant: embedding for embedding in rows}

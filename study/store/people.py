@@ -1,16 +1,18 @@
 """What the store keeps of participants in a study: enrolment, phases, consent, links, departure.
 
 Functions that write are called inside ``StoreConnection.transaction``, so that several of them are
-kept together or not at all; each logs its own act.
+kept together or not at all; each logs its act. Erasing a participant's rows is here as well.
 """
 
+import sqlite3
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from steerlab.sim.records import check_name
-from steerlab.study.store.connection import StoreConnection
+from steerlab.study.store.connection import StoreConnection, fail
 from steerlab.study.store.errors import StoreError
 from steerlab.study.store.rows import Table
+from steerlab.study.store.schema import ERASED_IN_ORDER
 
 
 class PhaseAct(StrEnum):
@@ -32,10 +34,10 @@ class Departure(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Enrolment:
-    """A participant's place in the study.
+    """That a participant was enrolled, and with which order of conditions.
 
     Attributes:
-        at_utc: when; given by ``insert_enrolment``.
+        at_utc: when; ``insert_enrolment`` sets it.
         allocation: what the order was drawn from; participants of equal allocation share blocks.
         condition_order: condition keys.
     """
@@ -86,7 +88,7 @@ def insert_enrolment(connection: StoreConnection, enrolment: Enrolment) -> None:
 
 
 def read_enrolments(connection: StoreConnection) -> list[Enrolment]:
-    """All, in the order in which they were enrolled."""
+    """All enrolments, in their order."""
     join = "JOIN participants ON pseudonym = participant ORDER BY enrolments.rowid"
     return ENROLMENTS.select(connection, join)
 
@@ -112,7 +114,7 @@ def insert_phase_event(
 def read_phase_events(
     connection: StoreConnection, participant: str | None = None
 ) -> list[PhaseEvent]:
-    """A participant's, or everybody's, in order."""
+    """The phase events of a participant, or of everybody, in order."""
     if participant is None:
         return PHASE_EVENTS.select(connection, "ORDER BY id")
     return PHASE_EVENTS.select(connection, "WHERE participant = ? ORDER BY id", participant)
@@ -150,7 +152,7 @@ def insert_link(connection: StoreConnection, participant: str, token_sha256: str
 
 
 def read_link_owner(connection: StoreConnection, token_sha256: str) -> str | None:
-    """Whose newest link it is; None if nobody's."""
+    """The participant whose newest link this is; None if it is nobody's."""
     rows = connection.read(
         "SELECT participant FROM links AS mine WHERE token_sha256 = ? AND NOT EXISTS "
         "(SELECT 1 FROM links WHERE participant = mine.participant AND id > mine.id)",
@@ -160,7 +162,7 @@ def read_link_owner(connection: StoreConnection, token_sha256: str) -> str | Non
 
 
 def write_departure(connection: StoreConnection, participant: str, how: Departure) -> None:
-    """Keep that, and how, a participant left."""
+    """Keep how a participant left."""
     update = "UPDATE departures SET how = ? WHERE participant = ?"
     if connection.run(update, how.value, participant).rowcount == 0:
         at_utc = connection.now()
@@ -172,3 +174,43 @@ def read_departures(connection: StoreConnection) -> dict[str, Departure]:
     """How each participant who left did so."""
     rows = connection.read("SELECT participant, how FROM departures")
     return {participant: Departure(how) for participant, how in rows}
+
+
+def erase_rows(connection: StoreConnection, participant: str) -> None:
+    """Delete all rows of a participant but the tombstone and their link's hash; all or none.
+
+    The one sanctioned way to delete what was recorded. The database pages that held the rows are
+    overwritten with zeros; ``scrub`` must follow, since copies are still in the write-ahead log.
+
+    Raises:
+        StoreError: the database is busy or cannot be written.
+    """
+    connection.run("PRAGMA secure_delete = ON")
+    with connection.transaction(f"erase {participant!r}", durable=True):
+        connection.run("INSERT INTO erasing VALUES (?)", participant)
+        for table in ERASED_IN_ORDER:
+            connection.run(f"DELETE FROM {table} WHERE participant = ?", participant)
+        newest = "SELECT max(id) FROM links WHERE participant = ?"
+        connection.run(
+            f"DELETE FROM links WHERE participant = ? AND id < ({newest})", participant, participant
+        )
+        connection.run("DELETE FROM erasing")
+        write_departure(connection, participant, Departure.ERASING)
+
+
+def scrub(connection: StoreConnection) -> None:
+    """Rewrite the file without what was deleted, and empty the write-ahead log.
+
+    Raises:
+        StoreError: another program reads the database, so that traces remain.
+    """
+    try:
+        connection.run("VACUUM")
+        busy, _, _ = connection.run("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+    except sqlite3.Error as error:
+        fail(connection.path, "remove what was erased", error)
+    if busy:
+        raise StoreError(
+            f"Another program reads {connection.path}, so traces of what was erased remain in its "
+            f"write-ahead log; close it and withdraw the participant again."
+        )

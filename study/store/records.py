@@ -1,8 +1,8 @@
-"""What the store keeps of drives besides their steps, as typed records."""
+"""What the store keeps of drives, as typed records."""
 # pyarrow ships no types:
 # pyright: reportMissingTypeStubs=false
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from math import isfinite
@@ -10,7 +10,8 @@ from typing import Self
 
 import pyarrow as pa
 
-from steerlab.sim.records import InvalidRecord, check_name
+from steerlab.sim.geometry import Pose2D
+from steerlab.sim.records import InvalidRecord, LabelledStep, check_name
 from steerlab.sim.rollout import Rollout
 from steerlab.sim.world import WorldSpec
 from steerlab.study.store.rows import Table
@@ -36,7 +37,7 @@ TIMING_SCHEMA = pa.schema(
 
 
 class AttemptStatus(StrEnum):
-    """``RUNNING`` after a crash means: not finished, to be abandoned and redone."""
+    """How far an attempt got; one that a crash left ``RUNNING`` is abandoned and redone."""
 
     RUNNING = "running"
     FINISHED = "finished"
@@ -63,7 +64,7 @@ class Attempt:
 
     @property
     def key(self) -> tuple[str, str, int]:
-        """What tells it from all others."""
+        """Participant, rollout and number, which identify it."""
         return self.participant, self.rollout, self.attempt
 
     def __str__(self) -> str:
@@ -76,8 +77,7 @@ class StoredRollout:
 
     Attributes:
         world: kept as JSON, exact to the last bit.
-        seed, steps: None for a drive that comes into being live: each attempt at it is a drive of
-            its own, as long as it lasts.
+        seed, steps: None for a live drive: each attempt at it is another drive of another length.
 
     Raises:
         InvalidRecord: the name is unusable, or a number is out of range.
@@ -112,14 +112,14 @@ class StoredRollout:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SessionRecord:
-    """One sitting of one participant; attempts name the session that they were made in.
+    """One session of one participant; attempts name the session that they were made in.
 
     Attributes:
         started_utc: ISO 8601.
-        input_kind: what steered: wheel, keyboard, ...; never pooled silently.
+        input_kind: what steered: wheel, keyboard, ...; labels of different kinds are not pooled.
         device_guid, profile_sha256: empty where there is none.
         force_feedback: ``off: why``, or what was on.
-        device_details: whatever else tells devices apart.
+        device_details: whatever else identifies the device.
         screen_px: width and height; None without a screen, as for scripted teachers.
         display_hz: None without a screen.
         input_latency_ms: from the hand to the sample, as measured; None where it was not.
@@ -180,10 +180,10 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Flag:
-    """A limit that an attempt broke: its labels are kept, and whoever reads them is told.
+    """A limit of timing that an attempt broke; its labels are kept all the same.
 
     Attributes:
-        bound: what ``value`` should have kept to.
+        bound: the limit that ``value`` broke.
     """
 
     name: str
@@ -194,6 +194,32 @@ class Flag:
         check_name("flag", self.name)
         if not (isfinite(self.value) and isfinite(self.bound)):
             raise InvalidRecord(f"{self} is not finite; a flag has a value and its bound.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttemptData:
+    """Everything that the store keeps about one attempt.
+
+    Attributes:
+        session: in which it was made; None where that was not recorded.
+        times: of each step, None where there is none, as for scripted teachers.
+    """
+
+    rollout: StoredRollout
+    attempt: Attempt
+    session: SessionRecord | None
+    steps: Sequence[LabelledStep]
+    times: Sequence[StepTiming | None]
+    events: Sequence[Event]
+    flags: Sequence[Flag]
+
+    @property
+    def start(self) -> Pose2D:
+        """Where the attempt began: its first step, or the world's start before there is one."""
+        if not self.steps:
+            return self.rollout.world.start
+        first = self.steps[0]
+        return Pose2D(first.x_m, first.y_m, first.heading_rad)
 
 
 ATTEMPTS = Table("attempts", Attempt)

@@ -1,8 +1,8 @@
-"""Frozen dataclasses as rows of the study database, and back: a field is the column of its name.
+"""Frozen dataclasses as rows of the study database, and back: each field has a column of its name.
 
-The type hints say how. SQLite holds ``str``, ``int``, ``float``, ``bool``, ``bytes`` and members
+The type hints decide how. SQLite holds ``str``, ``int``, ``float``, ``bool``, ``bytes`` and members
 of a ``StrEnum`` as they are, and None as null. All else is kept as JSON: tuples, mappings with
-texts as keys, arrays of floats, unions of scalars, and what has ``to_dict`` and ``from_dict``.
+texts as keys, arrays of floats, unions of scalars, and types with ``to_dict`` and ``from_dict``.
 """
 
 import json
@@ -105,15 +105,16 @@ class Table(Generic[Record]):
     @cached_property
     def _columns(self) -> "list[tuple[str, Any, _Codec]]":
         hints = get_type_hints(self.record)
-        return [(one.name, hints[one.name], _codec(hints[one.name])) for one in fields(self.record)]
+        names = [field.name for field in fields(self.record)]
+        return [(name, hints[name], _codec(hints[name])) for name in names]
 
 
 @dataclass(frozen=True)
 class _Codec:
-    """How values of one type become plain ones, as JSON has them, and again what they were.
+    """How values of a type become plain values, as JSON has them, and back.
 
     Attributes:
-        scalar: SQLite holds the plain value as it is.
+        scalar: SQLite can hold the plain value without JSON.
     """
 
     plain: Callable[[Any], Any]
@@ -137,8 +138,8 @@ def _codec(hint: Any) -> _Codec:
     if hint in _SCALARS:
         return _SCALARS[hint]
     if origin in (Union, UnionType):
-        kinds = [one for one in args if one is not NoneType]
-        how = _codec(kinds[0]) if len(kinds) == 1 else _one_of(kinds)
+        kinds = [arg for arg in args if arg is not NoneType]
+        how = _codec(kinds[0]) if len(kinds) == 1 else _any_of(kinds)
         if NoneType not in args:
             return how
         return _Codec(_or_none(how.plain), _or_none(how.typed), how.scalar)
@@ -147,10 +148,10 @@ def _codec(hint: Any) -> _Codec:
     if origin is np.ndarray:
         return _Codec(_numbers, lambda plain: np.array(plain, dtype=np.float64))
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        one = _codec(args[1])
+        each = _codec(args[1])
         return _Codec(
-            lambda value: {_text(key): one.plain(item) for key, item in value.items()},
-            lambda plain: {key: one.typed(item) for key, item in plain.items()},
+            lambda value: {_text(key): each.plain(item) for key, item in value.items()},
+            lambda plain: {key: each.typed(item) for key, item in plain.items()},
         )
     if isinstance(hint, type) and issubclass(hint, Enum):
         return _Codec(lambda value: hint(value).value, hint, scalar=True)
@@ -161,7 +162,7 @@ def _or_none(convert: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return lambda value: None if value is None else convert(value)
 
 
-def _one_of(kinds: list[type]) -> _Codec:
+def _any_of(kinds: list[type]) -> _Codec:
     """One of several scalars: kept as JSON, which tells them apart."""
 
     def check(value: Any) -> Any:
@@ -175,8 +176,8 @@ def _one_of(kinds: list[type]) -> _Codec:
 
 def _tuple(args: tuple[Any, ...]) -> _Codec:
     if args[-1] is Ellipsis:
-        one = _codec(args[0])
-        return _Codec(lambda v: [*map(one.plain, v)], lambda v: tuple(map(one.typed, v)))
+        item = _codec(args[0])
+        return _Codec(lambda v: [*map(item.plain, v)], lambda v: tuple(map(item.typed, v)))
     each = [_codec(arg) for arg in args]
     return _Codec(
         lambda value: [how.plain(item) for how, item in zip(each, value, strict=True)],
@@ -230,9 +231,9 @@ _SCALARS: dict[Any, _Codec] = {
 
 
 def _words(hint: Any) -> str:
-    """A type as an error says it, with what it may be where that is a short list."""
+    """A type in the words of an error, with its members if it is a short list."""
     if isinstance(hint, type) and issubclass(hint, Enum):
-        return f"one of {', '.join(str(one.value) for one in hint)}"
+        return f"one of {', '.join(str(member.value) for member in hint)}"
     if get_origin(hint) in (Union, UnionType):
         return " or ".join(map(_words, get_args(hint)))
     if get_origin(hint) is np.ndarray:

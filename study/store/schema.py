@@ -24,7 +24,7 @@ Of ``links`` the newest hash stays, so that who opens their page later learns th
 
 
 def _columns(schema: pa.Schema) -> str:
-    """The columns of an Arrow schema in SQL: there is one list of them, beside the record."""
+    """The columns of an Arrow schema in SQL, so that they are listed only once."""
     kinds = {
         pa.string(): "TEXT", pa.int32(): "INTEGER", pa.int64(): "INTEGER", pa.float64(): "REAL",
         pa.bool_(): "INTEGER",
@@ -52,7 +52,7 @@ CREATE TABLE meta (key TEXT NOT NULL PRIMARY KEY, value TEXT NOT NULL) STRICT;
 
 CREATE TABLE participants (pseudonym TEXT NOT NULL PRIMARY KEY, role TEXT NOT NULL) STRICT;
 
--- A drive that comes into being live has no seed, and its length is known only when it is over.
+-- A live drive has no seed, and its length is known only when it is over.
 CREATE TABLE rollouts (
     name TEXT NOT NULL PRIMARY KEY, world TEXT NOT NULL, control_hz REAL NOT NULL,
     seed INTEGER, steps INTEGER CHECK (steps > 0)
@@ -185,13 +185,13 @@ CREATE TABLE teaching_trials (
         REFERENCES teaching_rounds (participant, phase, phase_run, round)
 ) STRICT, WITHOUT ROWID;
 
--- Names a person only inside the transaction that erases them: see the triggers.
+-- Has a row only inside the transaction that erases the participant: see the triggers.
 CREATE TABLE erasing (participant TEXT NOT NULL PRIMARY KEY) STRICT;
 """
 
 
 def _refuse(act: str, table: str, why: str, when: str = "1") -> str:
-    """A trigger: whichever program writes, ``act`` on rows of ``table`` fails ``when`` this is so."""
+    """A trigger: ``act`` on rows of ``table`` fails for every program if ``when`` is true."""
     return (
         f"CREATE TRIGGER {act.lower()}_of_{table} BEFORE {act} ON {table} WHEN {when} "
         f"BEGIN SELECT RAISE(ABORT, '{why}'); END;\n"
@@ -199,7 +199,7 @@ def _refuse(act: str, table: str, why: str, when: str = "1") -> str:
 
 
 def _exists(table: str, key: str) -> str:
-    """There is a row of that key: stops INSERT OR REPLACE too, whose deletions fire no trigger."""
+    """There is a row with that key: this stops INSERT OR REPLACE, whose deletes fire no trigger."""
     same = " AND ".join(f"{column} = NEW.{column}" for column in key.split(", "))
     return f"EXISTS (SELECT 1 FROM {table} WHERE {same})"
 
@@ -227,7 +227,12 @@ _APPENDED = {
     "teaching_trials": "participant, phase, phase_run, round, start",
 }
 _CHANGING = ("attempts", "departures", "models")  # in one way only: see their triggers
-_STAYING = ("steps", "sessions", *_JOINING, *(one for one in _APPENDED if one not in _CHANGING))
+_STAYING = (
+    "steps",
+    "sessions",
+    *_JOINING,
+    *(table for table in _APPENDED if table not in _CHANGING),
+)
 _KEPT = (
     *("participants", "rollouts", "enrolments", "departures"),
     *("protocols", "instruments", "models"),

@@ -6,8 +6,8 @@
 
 import sqlite3
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import fields
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import pyarrow as pa
@@ -18,6 +18,7 @@ from steerlab.sim.records import (
     LabelledStep,
     check_name,
     row_from_step,
+    step_from_row,
 )
 from steerlab.study.store.audit import AUDIT, AuditEntry
 from steerlab.study.store.connection import StoreConnection, fail
@@ -31,6 +32,7 @@ from steerlab.study.store.records import (
     TIMING_SCHEMA,
     TIMINGS,
     Attempt,
+    AttemptData,
     AttemptStatus,
     Event,
     Flag,
@@ -38,6 +40,9 @@ from steerlab.study.store.records import (
     StoredRollout,
 )
 from steerlab.teleop.timing import StepTiming
+
+STUDY_FILE = "study.db"
+"""The store's name in a study's folder."""
 
 _INSERT_STEP = f"INSERT INTO steps VALUES ({', '.join('?' * len(COLUMNS))})"
 _THIS_ATTEMPT = "WHERE participant = ? AND rollout = ? AND attempt = ?"
@@ -55,7 +60,8 @@ class StudyStore:
     from a power cut as well once ``finish_attempt`` returns. Nothing is ever overwritten.
 
     Attributes:
-        connection: what the tables are read and written through that have no methods here.
+        connection: for the tables that have no methods here; see ``people``, ``answers``,
+            ``frozen`` and ``teaching``.
     """
 
     def __init__(self, connection: StoreConnection) -> None:
@@ -91,16 +97,11 @@ class StudyStore:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def add_participant(self, pseudonym: str, role: str) -> None:
-        """Enrol a person under a pseudonym; saying the same twice changes nothing.
+        """Enrol a person under a pseudonym; the same call twice changes nothing.
 
         Raises:
             StoreError: the pseudonym is taken with another role.
@@ -118,7 +119,7 @@ class StudyStore:
                 )
 
     def add_rollout(self, rollout: StoredRollout) -> None:
-        """Register a rollout; saying the same twice changes nothing.
+        """Register a rollout; the same call twice changes nothing.
 
         Raises:
             StoreError: another rollout has that name.
@@ -134,15 +135,15 @@ class StudyStore:
                 )
 
     def add_session(self, session: SessionRecord) -> None:
-        """Keep when and with what a participant sat down; durable when this returns.
+        """Keep when a session began and with what device; durable when this returns.
 
         Raises:
             StoreError: its id is taken, or its participant is not enrolled.
         """
         with self.connection.transaction(f"keep session {session.id!r}", durable=True):
             SESSIONS.insert(self.connection, session)
-            whose = f"session {session.id!r} of {session.participant!r}"
-            self.connection.log("session begun", whose)
+            detail = f"session {session.id!r} of {session.participant!r}"
+            self.connection.log("session begun", detail)
 
     def begin_attempt(
         self, participant: str, rollout: str, *, session: str | None = None
@@ -229,15 +230,15 @@ class StudyStore:
             self._end(attempt, AttemptStatus.ABANDONED, reason)
 
     def abandon_running(self, reason: str) -> list[Attempt]:
-        """Abandon whatever a crash left running, so that it is redone; nothing kept is lost.
+        """Abandon the attempts that a crash left running, so that they are redone.
 
         Returns:
-            the attempts that were found running.
+            those attempts.
         """
-        found = self.attempts(AttemptStatus.RUNNING)
-        for attempt in found:
+        running = self.attempts(AttemptStatus.RUNNING)
+        for attempt in running:
             self.abandon_attempt(attempt, reason)
-        return found
+        return running
 
     def record(self, act: str, detail: str) -> None:
         """Add an act to the audit, which only grows; durable when this returns."""
@@ -251,17 +252,18 @@ class StudyStore:
 
     def rollouts(self) -> dict[str, StoredRollout]:
         """Rollouts by name."""
-        return {one.name: one for one in ROLLOUTS.select(self.connection, "ORDER BY name")}
+        rollouts = ROLLOUTS.select(self.connection, "ORDER BY name")
+        return {rollout.name: rollout for rollout in rollouts}
 
     def attempts(self, *statuses: AttemptStatus) -> list[Attempt]:
         """Attempts of the given statuses (none given: all), by participant in their order."""
-        found = ATTEMPTS.select(self.connection, "ORDER BY participant, order_index")
-        return [a for a in found if not statuses or a.status in statuses]
+        attempts = ATTEMPTS.select(self.connection, "ORDER BY participant, order_index")
+        return [a for a in attempts if not statuses or a.status in statuses]
 
     def sessions(self) -> dict[str, SessionRecord]:
         """Sessions by id, in the order in which they began."""
-        found = SESSIONS.select(self.connection, "ORDER BY started_utc, id")
-        return {one.id: one for one in found}
+        sessions = SESSIONS.select(self.connection, "ORDER BY started_utc, id")
+        return {session.id: session for session in sessions}
 
     def events(self, attempt: Attempt) -> list[Event]:
         """What happened in an attempt, in the order in which it was kept."""
@@ -307,6 +309,28 @@ class StudyStore:
         query = f"FROM steps AS t {_THIS_ATTEMPT} ORDER BY step"
         return self._table(LABELLED_STEP_SCHEMA, query, *attempt.key)
 
+    def attempt_data(self, attempt: Attempt) -> AttemptData:
+        """Everything that is kept about an attempt, whatever its status.
+
+        Raises:
+            StoreError: the store cannot be read.
+        """
+        steps = [step_from_row(row) for row in self.steps(attempt).to_pylist()]
+        names = [field.name for field in fields(StepTiming)]
+        times = {
+            row["step"]: StepTiming(**{name: row[name] for name in names})
+            for row in self.timings(attempt).to_pylist()
+        }
+        return AttemptData(
+            rollout=self.rollouts()[attempt.rollout],
+            attempt=attempt,
+            session=None if attempt.session is None else self.sessions()[attempt.session],
+            steps=steps,
+            times=[times.get(step.step) for step in steps],
+            events=self.events(attempt),
+            flags=self.flags(attempt),
+        )
+
     def _table(self, schema: pa.Schema, query: str, *values: str | int) -> pa.Table:
         """The rows of ``query`` from a table ``t`` that has the columns of ``schema``."""
         columns = ", ".join(f"t.{name}" for name in schema.names)
@@ -317,13 +341,13 @@ class StudyStore:
             fail(self.path, "read the steps", error)
 
     def _check_session(self, session: str, participant: str) -> None:
-        """Whether an attempt of ``participant`` may belong to ``session``."""
+        """Refuse a session that is not one of the participant's."""
         query = "SELECT participant FROM sessions WHERE id = ?"
         known = self.connection.read(query, session)
         if known != [(participant,)]:
-            whose = f"is one of {known[0][0]!r}" if known else "is not in the store"
+            why = f"is one of {known[0][0]!r}" if known else "is not in the store"
             raise StoreError(
-                f"Session {session!r} {whose}, so {participant!r} has no attempt in it; add the "
+                f"Session {session!r} {why}, so {participant!r} has no attempt in it; add the "
                 f"session first."
             )
 

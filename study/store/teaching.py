@@ -9,9 +9,9 @@ from math import isfinite
 import numpy as np
 import pyarrow as pa
 
-from steerlab.sim.arrays import FloatArray
+from steerlab.sim.arrays import BoolArray, FloatArray
 from steerlab.sim.records import InvalidRecord
-from steerlab.sim.rollout import BoolArray, Outcome
+from steerlab.sim.rollout import Outcome
 from steerlab.study.store.connection import StoreConnection
 from steerlab.study.store.people import PhaseAct, read_enrolments
 from steerlab.study.store.rows import Table
@@ -37,7 +37,7 @@ TEACHING_SCHEMA = pa.schema(
 )
 """A row for each participant, condition and round that counts; round 0 is the first drive.
 
-``position`` is the condition's place in the participant's order, from 1; ``success`` the share of
+``position`` counts the conditions in the participant's order, from 1; ``success`` the share of
 ``trials`` in which the round's policy reached the ball, null before it was tried;
 ``final_distance_m`` the mean of them. ``label_mae`` is the mean error of what was imitated,
 ``given_mae`` of what the person gave at the same steps; null where nothing was asked.
@@ -54,7 +54,7 @@ class TaughtRound:
         given_mae: as ``label_mae``, of the labels as they were given.
         loss: None where nothing was asked, so that the policy stayed as it was.
         policies: sha256 of each policy's file, by its name within the study's folder.
-        mapper_sha256: of what mapped the labels; None if nothing did.
+        mapper_sha256: of the mapper's file; None if labels were not mapped.
     """
 
     participant: str
@@ -128,8 +128,8 @@ def insert_trials(
 ) -> None:
     """Keep how a round's policy drove; inside a transaction."""
     key = {name: getattr(taught, name) for name in _ROUND_KEY}
-    for one in trials:
-        TRIALS.insert(connection, one, **key)
+    for trial in trials:
+        TRIALS.insert(connection, trial, **key)
 
 
 def read_phase_run(connection: StoreConnection, participant: str, phase: str) -> tuple[int, int]:
@@ -181,8 +181,9 @@ def read_teaching_rounds(connection: StoreConnection) -> pa.Table:
 
     Rounds of a phase that was opened again do not count.
     """
-    orders = {one.participant: one.condition_order for one in read_enrolments(connection)}
-    rows = connection.read(
+    enrolled = read_enrolments(connection)
+    orders = {person.participant: person.condition_order for person in enrolled}
+    values = connection.read(
         "SELECT r.participant, r.phase, r.condition, r.round, "
         "avg(t.outcome = ?), avg(t.final_distance_m), count(t.start), r.label_mae, r.given_mae, "
         "r.labels_asked, r.teacher_s, r.switches, r.loss "
@@ -195,9 +196,9 @@ def read_teaching_rounds(connection: StoreConnection) -> pa.Table:
         *(Outcome.BALL_REACHED.value, PhaseAct.REOPENED.value),
     )
     names = [name for name in TEACHING_SCHEMA.names if name != "position"]
-    found = [dict(zip(names, row, strict=True)) for row in rows]
-    for row in found:
+    rows = [dict(zip(names, row, strict=True)) for row in values]
+    for row in rows:
         order = orders.get(row["participant"], ())
         row["position"] = order.index(row["condition"]) + 1 if row["condition"] in order else 0
-    found.sort(key=lambda row: (row["participant"], row["position"], row["phase"], row["round"]))
-    return pa.Table.from_pylist(found, schema=TEACHING_SCHEMA)
+    rows.sort(key=lambda row: (row["participant"], row["position"], row["phase"], row["round"]))
+    return pa.Table.from_pylist(rows, schema=TEACHING_SCHEMA)

@@ -22,7 +22,7 @@ class InvalidAnswer(SteerlabError, ValueError):
     Attributes:
         item: its id.
         value: what was answered.
-        allowed: what may be.
+        allowed: what is allowed, in words.
     """
 
     def __init__(self, item: str, value: object, allowed: str) -> None:
@@ -114,7 +114,7 @@ class Slider:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Option:
-    """One that can be chosen: what is kept, and what people read."""
+    """An option to choose: the value that is kept, and the text that people read."""
 
     value: str
     text: str
@@ -132,8 +132,8 @@ class Choice:
         values = [option.value for option in self.options]
         if len(values) < 2 or len(set(values)) != len(values):
             raise InvalidValue("options", values, "two or more options with other values")
-        for place, option in enumerate(self.options):
-            key = f"options[{place}]"
+        for index, option in enumerate(self.options):
+            key = f"options[{index}]"
             if not option.value or option.value != option.value.strip():
                 raise InvalidValue(f"{key}.value", option.value, "a word without spaces around")
             check_words(f"{key}.text", option.text)
@@ -145,7 +145,7 @@ class Choice:
 
     def accept(self, value: object) -> str | None:
         """The answer as kept; None if it is not allowed."""
-        return next((one.value for one in self.options if one.value == value), None)
+        return next((option.value for option in self.options if option.value == value), None)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -187,7 +187,7 @@ class Number:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FreeText:
-    """Words of one's own, up to ``longest`` characters."""
+    """Free text of up to ``longest`` characters."""
 
     longest: int = 500
 
@@ -209,7 +209,7 @@ class FreeText:
         text = value.replace("\r\n", "\n").strip()  # browsers send both
         if not 1 <= len(text) <= self.longest:
             return None
-        return text if all(one in "\n\t" or _is_writable(one) for one in text) else None
+        return text if all(char in "\n\t" or _is_writable(char) for char in text) else None
 
 
 AnswerFormat = Likert | Slider | Choice | Number | FreeText

@@ -17,15 +17,6 @@ from steerlab.study.surveys.answer_format import (
     Value,
 )
 
-__all__ = [
-    "InvalidAnswer",
-    "Item",
-    "Questionnaire",
-    "Scale",
-    "UnknownItem",
-    "Value",
-]
-
 _KEY = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _KEY_WORDS = "lower-case letters, digits and underscores, starting with a letter"
 
@@ -42,7 +33,7 @@ class UnknownItem(InvalidAnswer):
 class Item:
     """One question or statement.
 
-    Whether it is keyed in reverse is the scale's business: trust items 1 to 5 are reversed in the
+    Whether it is keyed in reverse belongs to the scale: trust items 1 to 5 are reversed in the
     trust total and not in the distrust sub-score.
 
     Attributes:
@@ -108,9 +99,9 @@ class Questionnaire:
         title: for people.
         version: counts up whenever a word or a key of it changes.
         instructions: shown above the items.
-        citation: where the items come from, or that they are our own.
+        citation: where the items come from, or that they were written for this program.
         licence_note: what is known of the right to use them.
-        unvalidated: nobody has shown that it measures what its title says.
+        unvalidated: it has not been shown to measure what its title says.
         items: in the order in which they are shown.
         scales: may share items; a questionnaire of facts has none.
     """
@@ -135,17 +126,17 @@ class Questionnaire:
         if not self.items:
             raise InvalidValue("items", [], "one or more items")
         ids: set[str] = set()
-        for place, item in enumerate(self.items):
+        for index, item in enumerate(self.items):
             if item.id in ids:
-                raise InvalidValue(f"items[{place}].id", item.id, "another one: it is taken")
+                raise InvalidValue(f"items[{index}].id", item.id, "another one: it is taken")
             ids.add(item.id)
         keys: set[str] = set()
-        for place, scale in enumerate(self.scales):
+        for index, scale in enumerate(self.scales):
             if scale.key in keys:
-                key = f"scales[{place}].key"
+                key = f"scales[{index}].key"
                 raise InvalidValue(key, scale.key, "another one: it is taken")
             keys.add(scale.key)
-            _check_scale(scale, {item.id: item for item in self.items}, f"scales[{place}]")
+            _check_scale(scale, {item.id: item for item in self.items}, f"scales[{index}]")
 
     def item(self, item: str) -> Item:
         """The item of that id.
@@ -153,10 +144,10 @@ class Questionnaire:
         Raises:
             UnknownItem: there is none; it is an ``InvalidAnswer``.
         """
-        found = next((one for one in self.items if one.id == item), None)
-        if found is None:
-            raise UnknownItem(item, self.key, tuple(one.id for one in self.items))
-        return found
+        items = {known.id: known for known in self.items}
+        if item not in items:
+            raise UnknownItem(item, self.key, tuple(items))
+        return items[item]
 
     def check(self, item: str, value: object) -> Value:
         """The answer as it is kept: a form's digits become a number, blanks around a text go.
@@ -172,7 +163,7 @@ class Questionnaire:
 
     def missing(self, answers: Mapping[str, Value]) -> list[str]:
         """Ids of the required items that ``answers`` lacks, in the order of the page."""
-        return [one.id for one in self.items if one.required and one.id not in answers]
+        return [item.id for item in self.items if item.required and item.id not in answers]
 
     def scale(self, scale: str) -> Scale:
         """The scale of that key.
@@ -180,11 +171,11 @@ class Questionnaire:
         Raises:
             InvalidValue: there is none.
         """
-        found = next((one for one in self.scales if one.key == scale), None)
-        if found is None:
-            known = ", ".join(one.key for one in self.scales) or "none: it has no scales"
+        scales = {known.key: known for known in self.scales}
+        if scale not in scales:
+            known = ", ".join(scales) or "none: it has no scales"
             raise InvalidValue("scale", scale, f"one of {self.key}'s ({known})")
-        return found
+        return scales[scale]
 
     def item_range(self, scale: str) -> tuple[int, int]:
         """Lowest and highest answer to each item of a scale."""
@@ -193,8 +184,8 @@ class Questionnaire:
     def score_range(self, scale: str) -> tuple[int, int]:
         """Lowest and highest score of a scale."""
         low, high = self.item_range(scale)
-        found = self.scale(scale)
-        count = len(found.items) if found.how == "sum" else 1
+        counted = self.scale(scale)
+        count = len(counted.items) if counted.how == "sum" else 1
         return count * low, count * high
 
     def fingerprint(self) -> str:

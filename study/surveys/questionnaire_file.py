@@ -23,7 +23,7 @@ from steerlab.study.surveys.answer_format import Choice, FreeText, Likert, Numbe
 from steerlab.study.surveys.questionnaire import Item, Questionnaire
 
 FORMAT = 1
-_FORMATS = {one.kind: one for one in (Likert, Slider, Choice, Number, FreeText)}
+_FORMATS = {form.kind: form for form in (Likert, Slider, Choice, Number, FreeText)}
 
 
 def shipped_questionnaires() -> dict[str, Questionnaire]:
@@ -41,15 +41,15 @@ def all_questionnaires(folder: Path | None = None) -> dict[str, Questionnaire]:
         InvalidConfig: a file is wrong, or brings a key that a shipped questionnaire has: a study
             never changes a known instrument under its name.
     """
-    found = shipped_questionnaires()
+    questionnaires = shipped_questionnaires()
     for path in _files(folder):
-        if path.stem in found:
+        if path.stem in questionnaires:
             raise InvalidConfig(
                 f"{path} has the key of a shipped questionnaire, which it would replace; give "
                 f"file and key another name, such as {path.stem}_ours."
             )
-        found[path.stem] = questionnaire_from_toml(utf8_text(path), str(path))
-    return found
+        questionnaires[path.stem] = questionnaire_from_toml(utf8_text(path), str(path))
+    return questionnaires
 
 
 def load_questionnaire(key: str, folder: Path | None = None) -> Questionnaire:
@@ -80,61 +80,61 @@ def questionnaire_from_toml(text: str, file: str) -> Questionnaire:
     content = toml_values(text, file)
     with within_file(file, text):
         values = versioned(Questionnaire, content, "format", FORMAT, ("defaults",))
-        found = structured(Questionnaire, _with_items(values))
-        if found.key != name:  # so that no folder holds a key twice
-            raise InvalidValue("key", found.key, f"{name!r}, as the file is named")
-    return found
+        questionnaire = structured(Questionnaire, _with_items(values))
+        if questionnaire.key != name:  # so that no folder holds a key twice
+            raise InvalidValue("key", questionnaire.key, f"{name!r}, as the file is named")
+    return questionnaire
 
 
 def _with_items(values: dict[str, Any]) -> dict[str, Any]:
-    """The file's values with its items as records, which have taken what they need of the defaults."""
+    """The file's values, with items as records that have the defaults filled in."""
     defaults = values.get("defaults", {})
     with within("defaults"):
         structured(_defaults_record(), defaults)
     given = {key: value for key, value in values.items() if key != "defaults"}
     for key in ("instructions", "citation", "licence_note"):
-        if isinstance(given.get(key), str):  # of several lines, and the last one ends
+        if isinstance(given.get(key), str):  # a multi-line text ends with a line break
             given[key] = given[key].strip()
     if isinstance(items := given.get("items"), list):
         given["items"] = [
-            _item(f"items[{place}]", item, defaults) for place, item in enumerate(items)
+            _item(f"items[{index}]", item, defaults) for index, item in enumerate(items)
         ]
     return given
 
 
-def _item(place: str, given: object, defaults: Mapping[str, Any]) -> Item:
-    """An item; in the file the keys of its format are beside its own."""
-    with within(place):
+def _item(path: str, given: object, defaults: Mapping[str, Any]) -> Item:
+    """An item; in the file the keys of its answer format stand beside its ``id`` and ``text``."""
+    with within(path):
         table = as_table(given)
     kind = table.get("kind", defaults.get("kind"))
     if not isinstance(kind, str) or kind not in _FORMATS:
-        where = place if "kind" in table or "kind" not in defaults else "defaults"
+        where = path if "kind" in table or "kind" not in defaults else "defaults"
         raise InvalidValue(f"{where}.kind", kind, f"one of {one_of(_FORMATS, kind)}")
     record = _item_record(kind)
-    keys = {one.name for one in fields(record)}
+    keys = {known.name for known in fields(record)}
     inherited = {key: value for key, value in defaults.items() if key in keys and key not in table}
     try:
-        found = structured(record, inherited | table)
-        parts = {key: getattr(found, key) for key in keys - {"id", "text", "kind", "required"}}
-        if "anchors" in parts:
-            parts["anchors"] = tuple(sorted(parts["anchors"].items()))
-        answer = _FORMATS[kind](**parts)
-        return Item(id=found.id, text=found.text, format=answer, required=found.required)
+        read = structured(record, inherited | table)
+        values = {key: getattr(read, key) for key in keys - {"id", "text", "kind", "required"}}
+        if "anchors" in values:
+            values["anchors"] = tuple(sorted(values["anchors"].items()))
+        answer = _FORMATS[kind](**values)
+        return Item(id=read.id, text=read.text, format=answer, required=read.required)
     except InvalidValue as error:
         named = re.split(r"[.\[]", error.path)[0]
-        raise error.under("defaults" if named in inherited else place) from None
+        raise error.under("defaults" if named in inherited else path) from None
 
 
 @cache
 def _item_record(kind: str) -> Any:
-    """What the file says of an item of this kind."""
-    own = [("id", str), ("text", str), ("kind", str, kind), ("required", bool, True)]
-    return make_dataclass(f"{kind}_item", [*own, *_format_fields(kind)], kw_only=True)
+    """A dataclass of the keys that an item of this kind has in the file."""
+    common = [("id", str), ("text", str), ("kind", str, kind), ("required", bool, True)]
+    return make_dataclass(f"{kind}_item", [*common, *_format_fields(kind)], kw_only=True)
 
 
 @cache
 def _defaults_record() -> Any:
-    """What ``[defaults]`` may say: anything that all items of some kind can share."""
+    """A dataclass of the keys that ``[defaults]`` may have: those of every kind of item."""
     shared = {name: hint for kind in _FORMATS for name, hint, _ in _format_fields(kind)}
     names = {"kind": str, "required": bool} | shared
     return make_dataclass("defaults", [(name, hint, None) for name, hint in names.items()])
@@ -143,19 +143,21 @@ def _defaults_record() -> Any:
 def _format_fields(kind: str) -> list[tuple[str, Any, Any]]:
     hints = get_type_hints(_FORMATS[kind]) | {"anchors": Mapping[int, str]}
     return [
-        (one.name, hints[one.name], field() if one.default is MISSING else one.default)
-        for one in fields(_FORMATS[kind])
+        (known.name, hints[known.name], field() if known.default is MISSING else known.default)
+        for known in fields(_FORMATS[kind])
     ]
 
 
 @cache
 def _shipped() -> tuple[tuple[str, Questionnaire], ...]:
     folder = resources.files("steerlab.assets") / "questionnaires"
-    files = sorted(
-        (one for one in folder.iterdir() if one.name.endswith(".toml")), key=lambda one: one.name
-    )
-    found = [questionnaire_from_toml(one.read_text(encoding="utf-8"), one.name) for one in files]
-    return tuple((one.key, one) for one in found)
+    texts = {
+        file.name: file.read_text(encoding="utf-8")
+        for file in folder.iterdir()
+        if file.name.endswith(".toml")
+    }
+    shipped = [questionnaire_from_toml(texts[name], name) for name in sorted(texts)]
+    return tuple((questionnaire.key, questionnaire) for questionnaire in shipped)
 
 
 def _files(folder: Path | None) -> list[Path]:

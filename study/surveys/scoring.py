@@ -76,15 +76,15 @@ def keyed(
         InvalidAnswer: an answer is not allowed.
         InvalidValue: there is no such scale.
     """
-    found = questionnaire.scale(scale)
+    keying = questionnaire.scale(scale)
     low, high = questionnaire.item_range(scale)
     row: list[int | None] = []
-    for item in found.items:
+    for item in keying.items:
         if item not in answers:
             row.append(None)
             continue
         value = int(questionnaire.check(item, answers[item]))
-        row.append(low + high - value if item in found.reversed else value)
+        row.append(low + high - value if item in keying.reversed else value)
     return tuple(row)
 
 

@@ -1,4 +1,4 @@
-"""What a person can teach with: the learners, and what each asks the person's hands to do."""
+"""The conditions that a person can teach under: the learner, and what the person does."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ class TeacherAction(StrEnum):
     LABEL = "label"  # the robot drives; the wheel says how it should have steered
     DRIVE = "drive"  # the person drives
     TAKE_OVER = "take over"  # the robot drives, the person while holding the take-over button
-    ARE_ASKED = "are asked"  # the robot says who drives, and hands the wheel over and back
+    ARE_ASKED = "are asked"  # the robot decides who drives, and hands the wheel over and back
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -87,6 +87,6 @@ TAUGHT: Mapping[str, TeachingMode] = {
 }
 """By condition key; the paper compares ``mind_meld``, ``bc`` and ``dagger``.
 
-``dagger-beta`` is not among them, for nobody can hold a wheel that is theirs at random for a tenth
-of a second; nor are ``mapped:...``, whose mappers a study does not train.
+``dagger-beta`` is not among them, since nobody can steer a wheel that is theirs at random for a
+tenth of a second; nor is ``mapped:...``, since a study trains no such mappers.
 """

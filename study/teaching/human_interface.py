@@ -10,7 +10,7 @@ from steerlab.sim.errors import SteerlabError
 from steerlab.sim.rollout import Outcome
 from steerlab.study.recording.session_recorder import SessionRecorder
 from steerlab.study.teaching.conditions import TeacherAction, TeachingMode
-from steerlab.study.teaching.live_round import LiveRound, make_live_round
+from steerlab.study.teaching.live_round import make_live_round
 from steerlab.study.teaching.pages import (
     before_page,
     button_page,
@@ -21,16 +21,12 @@ from steerlab.study.teaching.pages import (
     waiting_page,
 )
 from steerlab.study.teaching.teaching_log import outcome_event
-from steerlab.teleop.attempt import Attempts
+from steerlab.teleop.attempt import AttemptLoop, SessionConfig
 from steerlab.teleop.devices.contract import Button, Device
-from steerlab.teleop.loop import DriveEnd
-from steerlab.teleop.pacing import NS_PER_S, WallClock
-from steerlab.teleop.page_prompt import PAGE_S, PagePrompt
+from steerlab.teleop.pacing import NS_PER_S
 from steerlab.teleop.pages import error_page
 from steerlab.teleop.screen.contract import Act, Page, Screen
-from steerlab.teleop.session import SessionConfig
 from steerlab.teleop.timing_limits import LoopHealth
-from steerlab.teleop.watch import PersonWatch
 
 PAGE_NS = NS_PER_S // 10  # while the robot learns: drawing takes time from it
 _AFTER_REST = {Act.CONFIRM: AfterRest.GO_ON, Act.REDO: AfterRest.REDO, Act.STOP: AfterRest.STOP}
@@ -55,7 +51,6 @@ class HumanInterface:
         now_ns, sleep_s: time itself; tests pass their own.
 
     Attributes:
-        health: of each attempt finished here.
         rests_ns: from the end of each drive until the person could go on.
     """
 
@@ -75,27 +70,26 @@ class HumanInterface:
         sleep_s: Callable[[float], None] = sleep,
     ) -> None:
         self._screen, self._device, self._poll = screen, device, poll
-        self._participant, self._mode = participant, mode
-        self._title, self._count, self._config = title, count, config
-        self._now_ns, self._sleep_s = now_ns, sleep_s
-        self._clock = WallClock(config.pacing, poll, now_ns=now_ns, sleep_s=sleep_s)
-        self._watch = PersonWatch(screen)
-        self._prompt = PagePrompt(screen, device, poll, self._watch, now_ns=now_ns, sleep_s=sleep_s)
-        self._attempts = Attempts(
+        self._mode, self._title, self._count = mode, title, count
+        self._now_ns = now_ns
+        self._attempts = AttemptLoop(
             screen=screen,
             device=device,
+            poll=poll,
             recorder=recorder,
             participant=participant,
-            clock=self._clock,
-            watch=self._watch,
-            gates=config.gates,
+            config=config,
             now_ns=now_ns,
-            show_agent_wheel=config.show_agent_wheel,
+            sleep_s=sleep_s,
         )
         self._told: tuple[str, ...] = ()
         self._shown_ns = 0
-        self.health: list[LoopHealth] = []
         self.rests_ns: list[int] = []
+
+    @property
+    def health(self) -> list[LoopHealth]:
+        """The loop's, one of each attempt finished here."""
+        return self._attempts.health
 
     def drive(self, drive: RoundDrive) -> FinishedDrive | None:
         """Until an attempt is finished that the person wants to count; None to stop."""
@@ -112,34 +106,30 @@ class HumanInterface:
             if live.hands is TeacherAction.TAKE_OVER and not self._button_heard(drive.number):
                 return None
             self._told = live.before
+
+        def show(fraction: float) -> None:
+            self._attempts.show_labelled(
+                live.drive, fraction, number=number, count=self._count, instruction=live.during
+            )
+
         while True:
-            live.drive.begin(participant=self._participant, attempt=0)
-            self._clock.start()
-            self._show(live, 0.0)
-            if not self._prompt.countdown(number, self._count, self._config.countdown_s):
-                return None
-            tried = self._attempts.run(
+            finished = self._attempts.until_finished(
                 live.drive,
-                lambda fraction: self._show(live, fraction),
+                show,
+                number=number,
+                count=self._count,
                 event=lambda: outcome_event(live.drive.outcome),
             )
-            end = tried.end
-            if tried.health is not None:
-                self.health.append(tried.health)
-            if end is DriveEnd.STOPPED:
+            if finished is None:
                 return None
-            if end is not DriveEnd.FINISHED:
-                if end is not DriveEnd.REDO and not self._attempts.pause(end, self._prompt):
-                    return None
-                continue
-            if tried.failed:
-                page = untimely_page(tried.failed, number, self._count)
+            if finished.failed:
+                page = untimely_page(finished.failed, number, self._count)
                 act = self._ask(page, Act.CONFIRM, Act.REDO)
                 if act is Act.REDO:
                     continue
                 if act is Act.STOP:
                     return None
-            return live.finished(tried.attempt)
+            return live.finished(finished.attempt)
 
     def rest(self, number: int, outcome: Outcome, learn: Work, meanwhile: Work) -> AfterRest:
         """Show how far the robot has learnt; the person goes on only when it has."""
@@ -166,14 +156,14 @@ class HumanInterface:
 
     def _ticker(self, page: Callable[[float], Page], *wanted: Act) -> Progress:
         """Looks at keys and wheel, and draws now and then."""
-        self._watch.begin(self._device.read())
+        self._attempts.watch.begin(self._device.read())
         self._shown_ns = 0
 
         def tick(share: float) -> None:
             if self._now_ns() - self._shown_ns < PAGE_NS and share < 1.0:
                 return
             self._poll()
-            for act in self._watch.acts(self._device.read()):
+            for act in self._attempts.watch.acts(self._device.read()):
                 if act in wanted:
                     raise _Pressed(act)
             self._screen.show_page(page(share))
@@ -184,24 +174,9 @@ class HumanInterface:
     def _button_heard(self, done: int) -> bool:
         """Wait for the take-over button; False to stop."""
         page = button_page(self._device.info.name, done, self._count)
-        while True:
-            self._poll()
-            sample = self._device.read()
-            if Act.STOP in self._watch.acts(sample):
-                return False
-            if Button.TAKE_OVER in sample.buttons:
-                return True
-            self._screen.show_page(page)
-            self._sleep_s(PAGE_S)
+        return self._attempts.prompt.until(
+            lambda sample: page, lambda sample: Button.TAKE_OVER in sample.buttons
+        )
 
     def _ask(self, page: Page, *wanted: Act) -> Act:
-        return self._prompt.ask(lambda: page, {*wanted, Act.STOP})
-
-    def _show(self, live: LiveRound, fraction: float) -> None:
-        self._attempts.show(
-            live.drive,
-            fraction,
-            number=live.round_drive.number + 1,
-            count=self._count,
-            instruction=live.during,
-        )
+        return self._attempts.prompt.ask(lambda: page, {*wanted, Act.STOP})

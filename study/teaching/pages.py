@@ -1,4 +1,4 @@
-"""The words of a teaching phase's pages."""
+"""The pages that a person sees in a teaching phase."""
 
 from collections.abc import Sequence
 
@@ -18,12 +18,12 @@ _OUTCOMES = {
 
 
 def before_page(title: str, lines: Sequence[str], done: int, count: int) -> Page:
-    """What is to be done from now on."""
+    """Tells the person what to do from now on."""
     return Page(title=title, lines=lines, keys=(_GO_ON, _STOP), done=done, count=count)
 
 
 def button_page(device: str, done: int, count: int) -> Page:
-    """A take-over button that is not heard would make a condition worthless."""
+    """The person tries the take-over button: the condition needs one that works."""
     return Page(
         title="Try the take-over button",
         lines=(
@@ -53,7 +53,7 @@ def try_again_page(outcome: Outcome, left: int, count: int) -> Page:
 
 
 def learning_page(number: int, count: int, outcome: Outcome, share: float) -> Page:
-    """The robot learns; the person rests."""
+    """Shown while the robot learns and the person rests."""
     return Page(
         title=f"Rollout {number} of {count} is done",
         lines=(_OUTCOMES[outcome], "Rest your hands while the robot learns from it."),
@@ -65,7 +65,7 @@ def learning_page(number: int, count: int, outcome: Outcome, share: float) -> Pa
 
 
 def learnt_page(number: int, count: int, outcome: Outcome) -> Page:
-    """It has learnt; the person goes on when they like."""
+    """The robot has learnt; the person goes on when they like."""
     lines = [_OUTCOMES[outcome], "The robot has learnt from it. Go on when your hands are rested."]
     if number == count:
         lines[1] = "The robot has learnt from it. That was the last one."
@@ -94,10 +94,10 @@ def untimely_page(failed: Sequence[TimingViolation], number: int, count: int) ->
 
 
 def waiting_page(what: str, share: float) -> Page:
-    """Something takes a few seconds."""
+    """Shown while something takes a few seconds."""
     return Page(title="One moment", lines=(f"{what}.",), bars=(("Done", share),), keys=(_STOP,))
 
 
 def preparing_page() -> Page:
-    """While world and robot are made ready."""
+    """Shown while world and robot are made ready."""
     return Page(title="One moment", lines=("The robot is made ready.",))

@@ -19,27 +19,27 @@ from steerlab.learning.agents.teaching import (
     TeachingSpec,
 )
 from steerlab.learning.agents.teaching_contract import TeacherInterface
-from steerlab.learning.baselines.other_embedding import MeanEmbeddingMapper
+from steerlab.learning.baselines.ablations import MeanEmbeddingMapper
 from steerlab.learning.checkpoint import load_mapper
 from steerlab.learning.mapper import LabelMapper
 from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingRows
 from steerlab.sim.tasks import make_task
-from steerlab.study.recording.session_recorder import STUDY_FILE, SessionInfo, SessionRecorder
-from steerlab.study.store.store import StudyStore
+from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
+from steerlab.study.store.store import STUDY_FILE, StudyStore
 from steerlab.study.store.teaching import read_taught
 from steerlab.study.teaching.conditions import TAUGHT
+from steerlab.study.teaching.contract import TeachingError, TeachRequest
 from steerlab.study.teaching.human_interface import HumanInterface
 from steerlab.study.teaching.pages import preparing_page
-from steerlab.study.teaching.request import TeachingError, TeachRequest
 from steerlab.study.teaching.scripted_interface import ScriptedInterface
 from steerlab.study.teaching.teaching_log import StudyTeachingLog
+from steerlab.teleop.attempt import SessionConfig
 from steerlab.teleop.devices.contract import Device, DeviceInfo, InputKind
 from steerlab.teleop.devices.open import open_device
 from steerlab.teleop.latency import input_latency_ms
-from steerlab.teleop.screen.drive_screen import open_screen
+from steerlab.teleop.screen.drive_screen import DriveScreen
 from steerlab.teleop.screen.resolution import Resolution
 from steerlab.teleop.sdl import SdlEvents
-from steerlab.teleop.session import SessionConfig
 
 _UNATTENDED = (InputKind.SCRIPTED, InputKind.TRACE)
 
@@ -106,7 +106,7 @@ class _ConditionTeaching:
             device = open_device(spec, events, autocentre=protocol.wheel.strength)
             device.connect()
             try:
-                with open_screen(events, display.screen()) as screen:
+                with DriveScreen(events, display.screen()) as screen:
                     screen.show_page(preparing_page())
                     with self._env() as env:
                         screen.enter(env.task.world)  # measures how fast it can draw

@@ -1,4 +1,4 @@
-"""What one participant taught in one phase: in the store, and its policies in the study's folder."""
+"""What one participant taught in one phase, kept in the store; policies are files beside it."""
 # pyarrow ships no types:
 # pyright: reportMissingTypeStubs=false
 
@@ -6,20 +6,28 @@ from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 from safetensors import SafetensorError
 
 from steerlab.learning.agents.contract import Episode
-from steerlab.learning.agents.episode import decision_rows
+from steerlab.learning.agents.episode import decision_rows, make_episode, make_rollout
 from steerlab.learning.agents.evaluation import DriveResult
 from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.agents.teaching_contract import FinishedDrive, KeptRound, RoundResult
-from steerlab.learning.policy import PolicyNetwork, load_policy, save_policy
+from steerlab.learning.policy import (
+    Observations,
+    PolicyNetwork,
+    load_policy,
+    pool_frame,
+    save_policy,
+)
 from steerlab.learning.policy_training import TrainingRows
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.files.whole_file import whole_file
 from steerlab.sim.live_teacher import DriveContext
+from steerlab.sim.records import Driver
 from steerlab.sim.rollout import Outcome
-from steerlab.study.frozen_files import MODELS
 from steerlab.study.store.records import Attempt, AttemptStatus
 from steerlab.study.store.store import StudyStore
 from steerlab.study.store.teaching import (
@@ -33,16 +41,19 @@ from steerlab.study.store.teaching import (
     read_taught,
     read_tried,
 )
-from steerlab.study.teaching.episodes import episode_of, rerender_observations
-from steerlab.study.teaching.request import TeachingError
+from steerlab.study.study_folder import MODELS
+from steerlab.study.teaching.contract import TeachingError
 
 POLICIES = f"{MODELS}/policies"
-"""Folder of a study with every round's policy; erasing a participant finds them by their names."""
+"""Subfolder of every round's policies; a participant's are found by their names and erased."""
 _OUTCOME = "outcome: "
+_POSE = ("x_m", "y_m", "heading_rad")
+_VELOCITY = ("speed_mps", "lateral_speed_mps", "yaw_rate_radps")
+_ACCELERATION = ("acceleration_x_mps2", "acceleration_y_mps2")
 
 
 def outcome_event(outcome: Outcome) -> str:
-    """What is kept with an attempt, so that a crash right after it does not lose how it ended."""
+    """The event kept with an attempt, so that a crash right after it does not lose its outcome."""
     return f"{_OUTCOME}{outcome.value}"
 
 
@@ -50,8 +61,8 @@ class StudyTeachingLog:
     """A ``TeachingLog`` in a study; everything is on the disk when a method that writes returns.
 
     Args:
-        env: draws again what the robot saw in a drive.
-        mapper_sha256: of what maps the labels; None if nothing does.
+        env: to draw again what the robot saw in a drive.
+        mapper_sha256: of the mapper's file; None if labels are not mapped.
     """
 
     def __init__(
@@ -71,39 +82,40 @@ class StudyTeachingLog:
         self._phase_run, self._first = read_phase_run(store.connection, participant, phase)
 
     def next_drive(self, number: int) -> DriveContext:
-        """Named by phase, condition, task and round."""
-        name, mine = self._name(number), self._mine()
-        attempt = sum(one.rollout == name for one in mine)
-        return self._env.context(name, number=number, order=len(mine), attempt=attempt)
+        """The context of a round's next attempt."""
+        name, attempts = self._name(number), self._attempts()
+        attempt = sum(earlier.rollout == name for earlier in attempts)
+        return self._env.context(name, number=number, order=len(attempts), attempt=attempt)
 
     def left_over(self, number: int) -> FinishedDrive | None:
         """The last attempt at a round's drive, if it was finished.
 
-        One that was finished before another was begun was to be done again, so it does not count.
+        An earlier finished attempt was to be done again, so it does not count.
         """
         name = self._name(number)
-        mine = [a for a in self._mine() if a.rollout == name and a.order_index >= self._first]
-        if mine and mine[-1].status is AttemptStatus.FINISHED:
-            for event in self._store.events(mine[-1]):
-                if event.what.startswith(_OUTCOME):
-                    outcome = Outcome(event.what.removeprefix(_OUTCOME))
-                    return FinishedDrive(
-                        name=name,
-                        number=number,
-                        attempt=mine[-1].attempt,
-                        outcome=outcome,
-                        seen=None,
-                    )
+        attempts = [a for a in self._attempts() if a.rollout == name]
+        attempts = [a for a in attempts if a.order_index >= self._first]
+        if not attempts or attempts[-1].status is not AttemptStatus.FINISHED:
+            return None
+        for event in self._store.events(attempts[-1]):
+            if event.what.startswith(_OUTCOME):
+                return FinishedDrive(
+                    name=name,
+                    number=number,
+                    attempt=attempts[-1].attempt,
+                    outcome=Outcome(event.what.removeprefix(_OUTCOME)),
+                    seen=None,
+                )
         return None
 
     def episode(self, drive: FinishedDrive) -> Episode:
-        """From the rows of the attempt; what was seen before this run is drawn again."""
+        """The drive as an episode; what the robot saw is drawn again if it is not at hand."""
         steps = self._steps(drive.name, drive.attempt)
         seen = drive.seen or rerender_observations(self._env, steps)
         return episode_of(self._env, steps, seen, drive.outcome, drive.number)
 
     def rounds(self) -> list[KeptRound]:
-        """Rounds that are done, in order."""
+        """The rounds that are done, in order."""
         tried = read_tried(self._store.connection, self._participant, self._phase)
         return [
             KeptRound(
@@ -116,7 +128,7 @@ class StudyTeachingLog:
         ]
 
     def keep(self, result: RoundResult, networks: Sequence[PolicyNetwork]) -> None:
-        """Policies first, then all that is known of the round at once: now it is done.
+        """Keep a round: its policies first, then all the rest at once, which makes it done.
 
         Raises:
             TeachingError: the disk does not take the policies.
@@ -150,7 +162,7 @@ class StudyTeachingLog:
 
     def keep_drives(self, number: int, drives: Sequence[DriveResult]) -> None:
         """Keep how a round's policy drove."""
-        (taught,) = (one for one in self._taught() if one.round == number)
+        (taught,) = (taught for taught in self._taught() if taught.round == number)
         connection = self._store.connection
         with connection.transaction(f"keep trials of round {number}", durable=True):
             insert_trials(connection, taught, _trials(drives))
@@ -187,7 +199,7 @@ class StudyTeachingLog:
         Raises:
             TeachingError: a file is missing or was changed.
         """
-        found: list[PolicyNetwork] = []
+        networks: list[PolicyNetwork] = []
         for name, digest in taught.policies.items():
             path = self._folder / name
             now = sha256(path.read_bytes()).hexdigest() if path.is_file() else "missing"
@@ -197,10 +209,11 @@ class StudyTeachingLog:
                     f"left: its sha256 is {now}, it was {digest}. Restore it from the last copy of "
                     f"the study, or open the phase again with study redo."
                 )
-            found.append(load_policy(path))
-        return found
+            networks.append(load_policy(path))
+        return networks
 
     def _rows(self, taught: TaughtRound) -> TrainingRows | None:
+        """What a round taught, as rows to train on; None if nothing has weight."""
         targets = read_targets(self._store.connection, taught)
         kept = targets.weight > 0.0
         if not kept.any():
@@ -209,22 +222,76 @@ class StudyTeachingLog:
         return TrainingRows(seen.take(kept), targets.target[kept], targets.weight[kept])
 
     def _steps(self, rollout: str, attempt: int) -> pa.Table:
-        found = [one for one in self._mine() if (one.rollout, one.attempt) == (rollout, attempt)]
-        return self._store.steps(found[0])
+        key = (self._participant, rollout, attempt)
+        return self._store.steps(next(a for a in self._attempts() if a.key == key))
 
     def _taught(self) -> list[TaughtRound]:
         return read_taught(self._store.connection, self._participant, self._phase)
 
-    def _mine(self) -> list[Attempt]:
-        return [one for one in self._store.attempts() if one.participant == self._participant]
+    def _attempts(self) -> list[Attempt]:
+        """All attempts of the participant, in order."""
+        return [a for a in self._store.attempts() if a.participant == self._participant]
 
     def _name(self, number: int) -> str:
-        """Of a round's drive in the store."""
+        """The name of a round's drive in the store."""
         return f"{self._phase}-{self._condition}-{self._env.task.name}-r{number:02d}"
 
 
 def _trials(drives: Sequence[DriveResult]) -> list[Trial]:
     return [
-        Trial(start=start, outcome=one.outcome, final_distance_m=one.final_distance_m)
-        for start, one in enumerate(drives)
+        Trial(start=start, outcome=drive.outcome, final_distance_m=drive.final_distance_m)
+        for start, drive in enumerate(drives)
     ]
+
+
+def rerender_observations(env: TaskEnv, steps: pa.Table) -> Observations:
+    """What the robot saw at each decision of a drive, drawn again from the stored poses."""
+    rows = decision_rows(steps.num_rows)
+    images = []
+    for pose in _columns(steps, _POSE)[rows]:
+        env.driving.data.qpos[:3] = pose
+        images.append(pool_frame(env.frame()))
+    motion = _columns(steps, (*_VELOCITY, *_ACCELERATION))[rows]
+    return Observations(np.stack(images), motion.astype(np.float32))
+
+
+def episode_of(
+    env: TaskEnv, steps: pa.Table, seen: Observations, outcome: Outcome, number: int
+) -> Episode:
+    """The episode of a finished attempt; its truth is the stored oracle label of each step.
+
+    Args:
+        steps: the attempt's rows in the store.
+        number: of the round; 0 is the first demonstration.
+    """
+    given = np.where(steps["label_valid"].to_numpy(), _values(steps, "teacher_label"), np.nan)
+    rollout = make_rollout(
+        env,
+        steps["rollout"][0].as_py(),
+        outcome,
+        pose=_columns(steps, _POSE),
+        velocity=_columns(steps, _VELOCITY),
+        acceleration=_columns(steps, _ACCELERATION),
+        robot_wheel=_values(steps, "robot_wheel"),
+        truth=_values(steps, "oracle_label"),
+        physics_state=np.zeros((steps.num_rows, 0)),
+    )
+    return make_episode(
+        rollout,
+        teacher_wheel=given,
+        teacher_drives=np.array(steps["gate"].to_pylist()) == Driver.TEACHER.value,
+        feedback=given,
+        seen=seen,
+        number=number,
+        person=steps["participant"][0].as_py(),
+    )
+
+
+def _values(steps: pa.Table, name: str) -> FloatArray:
+    """A column as floats, (steps,); null becomes NaN."""
+    return steps[name].to_numpy().astype(np.float64)
+
+
+def _columns(steps: pa.Table, names: tuple[str, ...]) -> FloatArray:
+    """Several columns, (steps, names)."""
+    return np.column_stack([_values(steps, name) for name in names])

@@ -7,13 +7,13 @@ from enum import StrEnum
 
 from steerlab.teleop.devices.contract import Button, DeviceSample
 from steerlab.teleop.devices.joystick import JoystickInfo, RawSample
-from steerlab.teleop.devices.measured_profile import measured_profile
 from steerlab.teleop.devices.measuring import (
     AxisRest,
     Motion,
     SteeringEnds,
     Unclear,
     WizardConfig,
+    measured_profile,
     pedal_axis,
     released_wheel,
     steering_ends,
@@ -59,7 +59,7 @@ class WheelCalibration:
         name: what to call the wheel; the joystick's own name by default.
 
     Attributes:
-        stage: where it is.
+        stage: the current one.
         problem: what went wrong last, in words for the person; empty if nothing did.
         measuring: a released wheel is being measured.
         pedal_moments: axes when the pedal was pressed, released, pressed, released.
@@ -110,7 +110,7 @@ class WheelCalibration:
 
     @property
     def checked(self) -> DeviceSample | None:
-        """What the new profile makes of the last sample."""
+        """The last sample, read with the new profile; None before there is one."""
         return None if self.profile is None else read_wheel(self.profile, self.sample)
 
     def advance(self, sample: RawSample, now_ns: int) -> None:
@@ -149,12 +149,12 @@ class WheelCalibration:
             self._try()
 
     def skip(self) -> None:
-        """There is no such pedal, or no such button."""
+        """Skip a pedal or a button that the wheel does not have."""
         if self.stage in PEDALS or self.stage in BUTTONS:
             self._next()
 
     def _try(self) -> None:
-        """Go on if what was done allows a conclusion."""
+        """Evaluate this stage and go on if it is done, else say what is wrong."""
         try:
             done = self._conclude()
         except Unclear as unclear:
@@ -167,7 +167,7 @@ class WheelCalibration:
                 self._next()
 
     def _conclude(self) -> bool:
-        """Whether this stage is done.
+        """Evaluate this stage; True if it is done.
 
         Raises:
             Unclear: it has to be done again.
@@ -210,7 +210,7 @@ class WheelCalibration:
         return self.ends
 
     def _compare_rests(self, ends: SteeringEnds) -> None:
-        """Two places of rest must agree; the one before the sweep is the first, if known."""
+        """Two resting positions must agree; the one before the sweep is the first, if known."""
         self._rests.append(released_wheel(self._measured, ends, self.config))
         if len(self._rests) < 2:
             raise Unclear("Good. Now turn it a little and let it go once more.")

@@ -1,4 +1,4 @@
-"""The one contract of everything a teacher steers with."""
+"""The contract of every input device, and the records it deals in."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ class DeviceError(SteerlabError):
 
 
 class InputKind(StrEnum):
-    """What steers; kept with each session, and never pooled silently."""
+    """The kind of device; kept with each session, and never pooled silently."""
 
     WHEEL = "wheel"
     GAMEPAD = "gamepad"
@@ -25,7 +25,7 @@ class InputKind(StrEnum):
 
 
 class Button(StrEnum):
-    """What a button means, whichever it is on the device."""
+    """What a button does, whatever its number on the device."""
 
     PAUSE = "pause"
     REDO = "redo"
@@ -34,13 +34,13 @@ class Button(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DeviceInfo:
-    """What is kept about a device with each session.
+    """The description of a device, kept with each session.
 
     Attributes:
         guid: SDL's; empty for devices that have none.
         profile_sha256: of the profile file the axes were read with; empty without one.
         force_feedback: ``off: why``, or what is on with its strength.
-        details: whatever else tells devices apart: rate, resolution, dead zone, operating system.
+        details: what else tells devices apart: rate, resolution, dead zone, operating system.
     """
 
     kind: InputKind
@@ -53,7 +53,7 @@ class DeviceInfo:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DeviceSample:
-    """What a device says now.
+    """The current reading of a device.
 
     Attributes:
         wheel: position in [-2.5, 2.5], positive left; None while it is unknown (no event yet,
@@ -73,7 +73,7 @@ class DeviceSample:
 
 
 class Device(Protocol):
-    """Whatever a teacher steers with.
+    """A device that a teacher steers with.
 
     ``connect`` raises ``DeviceError`` when it cannot; a lost device is never replaced by another:
     ``read`` then gives ``ok=False`` until the same one is back.
@@ -81,7 +81,7 @@ class Device(Protocol):
 
     @property
     def info(self) -> DeviceInfo:
-        """What it is; complete once connected."""
+        """Kind, name and details; complete once connected."""
         ...
 
     def connect(self) -> None:
@@ -102,7 +102,7 @@ class Device(Protocol):
         ...
 
     def read(self, step: int | None = None) -> DeviceSample:
-        """What it says now; ``step`` is the control step, which only scripts and traces need."""
+        """The current sample; ``step`` is the control step, which only scripts and traces need."""
         ...
 
     def disconnect(self) -> None:

@@ -53,7 +53,7 @@ class ForceFeedback:
         return f"spring {strength:.2f}"
 
     def close(self) -> None:
-        """Take the forces away, as the driver does at start; calling it again does nothing."""
+        """Switch the forces off, as the driver does at start; calling it again does nothing."""
         if self._device is None:
             return
         device, self._device = self._device, None
@@ -77,7 +77,7 @@ def open_force_feedback(
     inputs: Path = Path("/sys/class/input"),
     system: str | None = None,
 ) -> ForceFeedback:
-    """Switch on a fixed centring force; whatever prevents it ends up in the result's ``text``.
+    """Switch on a fixed centring force; if that fails, the result's ``text`` says why.
 
     Args:
         vendor, product: USB numbers of the wheel; the first device with a motor may be another.

@@ -54,7 +54,7 @@ class GamepadConfig:
 
 
 class GamepadDevice:
-    """A stick that springs back; unknown until it first moves.
+    """A gamepad's stick; its position is unknown until it first moves.
 
     Args:
         name: part of a name, or a GUID; needed when several pads are plugged in.
@@ -96,12 +96,12 @@ class GamepadDevice:
         if self._joystick is not None:
             return
         profiles = [*user_profiles(), *shipped_profiles()]
-        found = list_joysticks()
+        joysticks = list_joysticks()
 
-        def is_wheel(one: JoystickInfo) -> bool:
-            return find_profile(one, profiles, this_system()) is not None
+        def is_wheel(joystick: JoystickInfo) -> bool:
+            return find_profile(joystick, profiles, this_system()) is not None
 
-        pads = found if self._name else [one for one in found if not is_wheel(one)]
+        pads = joysticks if self._name else [pad for pad in joysticks if not is_wheel(pad)]
         pad = choose_joystick(pads, self._name, "gamepad")
         if is_wheel(pad):
             raise DeviceError(f"{pad} is a steering wheel; use it as wheel:{pad.name}.")
@@ -117,7 +117,7 @@ class GamepadDevice:
         self._centre()
 
     def read(self, step: int | None = None) -> DeviceSample:
-        """Where the wheel has got to on its way to the stick."""
+        """The wheel, moved towards the stick at the limited rate."""
         if self._joystick is None:
             return DeviceSample(wheel=None, ok=False)
         raw = self._joystick.raw()

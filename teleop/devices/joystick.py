@@ -13,7 +13,7 @@ from steerlab.teleop.sdl import SdlEvents, pygame
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JoystickInfo:
-    """What SDL tells of a joystick, wheel or gamepad without moving it.
+    """SDL's description of a joystick, wheel or gamepad.
 
     Attributes:
         guid: 32 hexadecimal digits: the same for two devices of one model.
@@ -34,7 +34,7 @@ class JoystickInfo:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RawSample:
-    """What a joystick has said so far.
+    """A joystick's state, from its events so far.
 
     Attributes:
         axes: in [-1, 1]; None while unknown, which is until the axis first moves.
@@ -68,17 +68,17 @@ def choose_joystick(
         DeviceError: none fits, or several do.
     """
     wanted = name.casefold()
-    exact = [one for one in joysticks if wanted in (one.name.casefold(), one.guid)]
-    fitting = exact or [one for one in joysticks if wanted in one.name.casefold()]
+    exact = [stick for stick in joysticks if wanted in (stick.name.casefold(), stick.guid)]
+    fitting = exact or [stick for stick in joysticks if wanted in stick.name.casefold()]
     if len(fitting) == 1:
         return fitting[0]
     called = f" called {name!r}" if name else ""
     there = ", ".join(map(str, joysticks)) or "none"
     if not fitting:
         raise DeviceError(f"No {what}{called}; found: {there}. Plug it in, or name another.")
-    mend = "unplug one" if len({one.guid for one in fitting}) == 1 else "name one, or give its guid"
-    several = ", ".join(map(str, fitting))
-    raise DeviceError(f"Several fit as {what}{called}: {several}; {mend}.")
+    same_model = len({stick.guid for stick in fitting}) == 1
+    remedy = "unplug one" if same_model else "name one, or give its guid"
+    raise DeviceError(f"Several fit as {what}{called}: {', '.join(map(str, fitting))}; {remedy}.")
 
 
 class RawJoystick:
@@ -108,10 +108,10 @@ class RawJoystick:
         _need_sdl()
         self._events.poll()  # what it said to others before is none of its motions
         handles = map(pygame.joystick.Joystick, range(pygame.joystick.get_count()))
-        fitting = [one for one in handles if one.get_guid() == self.info.guid]
+        fitting = [handle for handle in handles if handle.get_guid() == self.info.guid]
         if len(fitting) != 1:
-            found = "is not plugged in" if not fitting else f"is there {len(fitting)} times"
-            raise DeviceError(f"{self.info} {found}; exactly one of them must be plugged in.")
+            state = "is not plugged in" if not fitting else f"is there {len(fitting)} times"
+            raise DeviceError(f"{self.info} {state}; exactly one of them must be plugged in.")
         self._take(fitting[0])
         if self._stop is None:
             self._stop = self._events.listen(self._on_event)
@@ -174,7 +174,7 @@ class RawJoystick:
             self._take(handle)
 
     def _move(self, axis: int, value: float) -> None:
-        """Before its first motion SDL announces where it thinks an axis is: often a made-up 0."""
+        """Set an axis, ignoring what SDL announces before its first motion: often a made-up 0."""
         if self._announced[axis] is None:
             self._announced[axis] = value
         if self._axes[axis] is not None or value != self._announced[axis]:

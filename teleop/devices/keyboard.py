@@ -32,7 +32,7 @@ class KeyboardConfig:
 
 
 class KeyboardDevice:
-    """Turned by time, not by reads: it moves the same however often it is read.
+    """A virtual wheel that turns with time, however often it is read.
 
     Args:
         now_ns: the clock that stamps the events; tests pass their own.
@@ -56,7 +56,7 @@ class KeyboardDevice:
 
     @property
     def info(self) -> DeviceInfo:
-        """The rates tell two keyboards apart."""
+        """The device, with the rates at which its wheel turns."""
         details = {name: f"{value:g}" for name, value in vars(self._config).items()}
         return DeviceInfo(kind=InputKind.KEYBOARD, name="keyboard", details=details)
 
@@ -71,7 +71,7 @@ class KeyboardDevice:
         self._centre()
 
     def read(self, step: int | None = None) -> DeviceSample:
-        """Where the virtual wheel is now."""
+        """The current position of the virtual wheel."""
         if self._stop is None:
             return DeviceSample(wheel=None, ok=False)
         self._turn_until(self._now_ns())

@@ -1,29 +1,38 @@
-"""What the calibration wizard concludes from raw samples: pure functions, in raw units."""
+"""What the calibration wizard concludes from raw samples, up to the profile: pure functions."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from steerlab.sim.errors import InvalidConfig, SteerlabError
-from steerlab.teleop.devices.joystick import RawSample
-from steerlab.teleop.devices.profile import PedalAxis
+from steerlab.sim.vehicle import WHEEL_LIMIT
+from steerlab.teleop.devices.contract import Button
+from steerlab.teleop.devices.joystick import JoystickInfo, RawSample
+from steerlab.teleop.devices.profile import (
+    Measured,
+    PedalAxis,
+    ProfileMatch,
+    SteeringAxis,
+    WheelProfile,
+)
 
 Axes = Sequence[float | None]
+_STANDSTILL_NS = 50_000_000  # a longer pause between events means that the wheel stood still
 
 
 class Unclear(SteerlabError):
-    """What the person did allows no conclusion; the message tells them what to do."""
+    """A measurement is inconclusive; the message tells the person what to do."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WizardConfig:
-    """When the wizard is content; raw values are in [-1, 1].
+    """Limits that the wizard accepts; raw values are in [-1, 1].
 
     Attributes:
         rest_s: how long a released wheel is measured.
-        min_travel: an axis that moves less was not meant.
+        min_travel: an axis that moves less is not the one asked for.
         max_shake: a released wheel that moves more was not released, as a share of one side.
         max_return_error: between two rests, as a share of one side.
         max_pedal_change: between two presses of a pedal, as a share of its travel.
@@ -74,14 +83,14 @@ def untouched(samples: Sequence[RawSample], config: WizardConfig) -> list[AxisRe
     Raises:
         Unclear: an axis moved, or was heard of for the first time.
     """
-    found: list[AxisRest | None] = []
+    rests: list[AxisRest | None] = []
     for readings in zip(*(sample.axes for sample in samples), strict=True):
         known = [value for value in readings if value is not None]
         rest = _rest(known) if len(known) == len(readings) else None
         if known and (rest is None or rest.peak > config.max_shake):
             raise Unclear("Something moved. Take hands and feet off, and try again.")
-        found.append(rest)
-    return found
+        rests.append(rest)
+    return rests
 
 
 def steering_ends(left: Axes, right: Axes, config: WizardConfig) -> SteeringEnds:
@@ -153,9 +162,9 @@ def pedal_axis(
     return pedal
 
 
-def same_way(one: PedalAxis, other: PedalAxis) -> bool:
-    """Both pedals push their axis to the same side."""
-    return (one.pressed - one.rest) * (other.pressed - other.rest) > 0.0
+def same_way(first: PedalAxis, second: PedalAxis) -> bool:
+    """Whether both pedals push their axis to the same side."""
+    return (first.pressed - first.rest) * (second.pressed - second.rest) > 0.0
 
 
 def moved_most(before: Axes, after: Axes, *, leave_out: Iterable[int] = ()) -> tuple[int, float]:
@@ -170,7 +179,7 @@ def moved_most(before: Axes, after: Axes, *, leave_out: Iterable[int] = ()) -> t
 
 
 class Motion:
-    """Collects how finely and how often the axes speak while the wheel turns."""
+    """Measures the axes' resolution and event rate while the wheel turns."""
 
     def __init__(self, axes: int) -> None:
         self._values: list[set[float]] = [set() for _ in range(axes)]
@@ -179,7 +188,7 @@ class Motion:
         self._time_ns = 0
 
     def add(self, sample: RawSample) -> None:
-        """Take one sample; the more often, the finer."""
+        """Take one sample; frequent calls measure better."""
         for seen, value in zip(self._values, sample.axes, strict=True):
             if value is not None:
                 seen.add(value)
@@ -204,10 +213,59 @@ class Motion:
         return self._events / (self._time_ns / 1e9) if self._time_ns else 0.0
 
 
-_STANDSTILL_NS = 50_000_000  # a longer pause between events means that the wheel stood still
-
-
 def _rest(values: Sequence[float]) -> AxisRest:
     array = np.array(values)
     centre = float(np.median(array))
     return AxisRest(centre, float(array.std()), float(np.abs(array - centre).max()))
+
+
+def measured_profile(
+    joystick: JoystickInfo,
+    *,
+    system: str,
+    name: str,
+    ends: SteeringEnds,
+    rests: tuple[AxisRest, AxisRest],
+    motion: Motion,
+    throttle: PedalAxis | None,
+    brake: PedalAxis | None,
+    buttons: Mapping[Button, int],
+) -> WheelProfile:
+    """The calibrated profile; raw measures become wheel units.
+
+    Args:
+        rests: two measurements of where the released wheel came to rest.
+    """
+    first, second = rests
+    error = abs(first.centre - second.centre)
+    to_wheel = WHEEL_LIMIT / ends.side
+    shared = throttle is not None and brake is not None and throttle.axis == brake.axis
+    return WheelProfile(
+        name=name,
+        match=ProfileMatch(
+            guid=joystick.guid,
+            vendor=joystick.vendor,
+            products=(joystick.product,),
+            axes=joystick.axes,
+            system=system,
+        ),
+        steering=SteeringAxis(
+            axis=ends.axis,
+            sign=1 if ends.left > ends.right else -1,
+            minimum=min(ends.left, ends.right),
+            centre=(first.centre + second.centre) / 2.0,
+            maximum=max(ends.left, ends.right),
+            dead_zone=error / 2.0 + max(first.peak, second.peak),  # wherever it rests, it reads 0
+        ),
+        throttle=throttle,
+        brake=brake,
+        combined_pedals=shared,
+        buttons=dict(buttons),
+        measured=Measured(
+            resolution=motion.resolution(ends.axis) * to_wheel,
+            rate_hz=motion.rate_hz,
+            noise=max(first.noise, second.noise) * to_wheel,
+            return_error=error * to_wheel,
+        ),
+        calibrated=True,
+    )

@@ -35,7 +35,7 @@ class MouseDevice:
 
     @property
     def info(self) -> DeviceInfo:
-        """How far it moves tells two mice apart."""
+        """The device, with the pixels it takes to full lock."""
         details = {"pixels_to_lock": f"{self._config.pixels_to_lock:g}"}
         return DeviceInfo(kind=InputKind.MOUSE, name="mouse", details=details)
 
@@ -54,7 +54,7 @@ class MouseDevice:
             self._grabbed = True
 
     def read(self, step: int | None = None) -> DeviceSample:
-        """Where the virtual wheel is now; the left button takes over."""
+        """The current position of the virtual wheel; the left button takes over."""
         if self._stop is None:
             return DeviceSample(wheel=None, ok=False)
         held = pygame.BUTTON_LEFT in self._buttons
@@ -65,7 +65,7 @@ class MouseDevice:
         )
 
     def disconnect(self) -> None:
-        """Let the pointer go and stop listening; calling it again does nothing."""
+        """Release the pointer and stop listening; calling it again does nothing."""
         if self._stop is not None:
             self._stop()
             self._stop = None

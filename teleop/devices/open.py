@@ -1,4 +1,4 @@
-"""From a few words on the command line to a device: ``wheel:G29``, ``scripted:human:3``."""
+"""Opens the device that a command-line argument names: ``wheel:G29``, ``scripted:human:3``."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -31,7 +31,7 @@ DEVICE_SPECS = (
     "scripted:KIND:SEED",
     "trace:FILE",
 )
-"""What ``open_device`` takes."""
+"""The forms that ``open_device`` accepts."""
 
 
 def open_device(

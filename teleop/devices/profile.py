@@ -41,7 +41,7 @@ class ProfileMatch:
             raise InvalidValue("guid", self.guid, "32 hexadecimal digits, or empty")
         if not 0 <= self.vendor <= 0xFFFF:
             raise InvalidValue("vendor", self.vendor, "a USB number from 0 to 0xffff")
-        if not self.products or not all(0 <= one <= 0xFFFF for one in self.products):
+        if not self.products or not all(0 <= product <= 0xFFFF for product in self.products):
             raise InvalidValue(
                 "products", list(self.products), "one or more USB numbers up to 0xffff"
             )

@@ -1,27 +1,27 @@
-"""Where wheel profiles are kept, and which one belongs to a device.
+"""Wheel profiles as TOML files: written, read, and matched to a device.
 
 Shipped profiles know a model's name and axes, nothing of the wheel at hand: they are a starting
-point. The user's own folder holds those that the wizard measured.
+point. The user's own folder holds those that the wizard measured. What is wrong in a file is named
+with its line, key and value.
 """
 
+import json
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
 
 from steerlab.sim.errors import SteerlabError
-from steerlab.sim.files.structured import utf8_text
+from steerlab.sim.files.structured import structured, toml_values, utf8_text, versioned, within_file
 from steerlab.sim.files.whole_file import whole_file
 from steerlab.teleop.devices.contract import DeviceError
 from steerlab.teleop.devices.joystick import JoystickInfo
 from steerlab.teleop.devices.profile import WheelProfile
-from steerlab.teleop.devices.profile_toml import (
-    profile_from_toml,
-    profile_sha256,
-    profile_to_toml,
-)
+
+FORMAT = 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,18 +41,18 @@ def user_profile_folder() -> Path:
 
 
 def shipped_profiles() -> list[StoredProfile]:
-    """Those of ``assets/wheel_profiles``, by file name."""
+    """The profiles of ``assets/wheel_profiles``, by file name."""
     folder = files("steerlab.assets").joinpath("wheel_profiles")
-    found = sorted(folder.iterdir(), key=lambda entry: entry.name)
+    entries = sorted(folder.iterdir(), key=lambda entry: entry.name)
     return [
         _stored(entry.read_text(encoding="utf-8"), entry.name, shipped=True)
-        for entry in found
+        for entry in entries
         if entry.name.endswith(".toml")
     ]
 
 
 def user_profiles(folder: Path | None = None) -> list[StoredProfile]:
-    """Those the wizard wrote, by file name; none if there is no such folder yet.
+    """The profiles that the wizard wrote, by file name; none if there is no such folder yet.
 
     Raises:
         InvalidConfig: a file holds nonsense, is no TOML, or cannot be read.
@@ -94,13 +94,13 @@ def find_profile(
     Raises:
         DeviceError: two profiles fit equally well.
     """
-    here = [one for one in profiles if one.profile.match.system == system]
+    candidates = [stored for stored in profiles if stored.profile.match.system == system]
 
-    def by_guid(one: StoredProfile) -> bool:
-        return one.profile.match.guid == device.guid
+    def by_guid(stored: StoredProfile) -> bool:
+        return stored.profile.match.guid == device.guid
 
-    def by_model(one: StoredProfile) -> bool:
-        match = one.profile.match
+    def by_model(stored: StoredProfile) -> bool:
+        match = stored.profile.match
         return (
             match.vendor == device.vendor
             and device.product in match.products
@@ -110,9 +110,11 @@ def find_profile(
     rules: tuple[Callable[[StoredProfile], bool], ...] = (by_guid, by_model)
     for rule in rules:
         for shipped in (False, True):
-            fitting = [one for one in here if one.shipped is shipped and rule(one)]
+            fitting = [
+                stored for stored in candidates if stored.shipped is shipped and rule(stored)
+            ]
             if len(fitting) > 1:
-                names = ", ".join(one.file for one in fitting)
+                names = ", ".join(stored.file for stored in fitting)
                 raise DeviceError(f"Several profiles fit {device}: {names}; remove all but one.")
             if fitting:
                 return fitting[0]
@@ -126,3 +128,54 @@ def _stored(text: str, file: str, *, shipped: bool) -> StoredProfile:
         sha256=profile_sha256(text),
         shipped=shipped,
     )
+
+
+def profile_from_toml(text: str, file: str) -> WheelProfile:
+    """Read one profile; ``file`` is named in errors.
+
+    Raises:
+        InvalidConfig: with line, key, value and what is allowed.
+    """
+    values = toml_values(text, file)
+    with within_file(file, text):
+        return structured(WheelProfile, versioned(WheelProfile, values, "format", FORMAT))
+
+
+def profile_to_toml(profile: WheelProfile) -> str:
+    """The file's text; reading it gives an equal profile."""
+    match, steering = profile.match, profile.steering
+    lines = [
+        f"format = {FORMAT}",
+        f"name = {_text(profile.name)}",
+        f"calibrated = {str(profile.calibrated).lower()}",
+        f"combined_pedals = {str(profile.combined_pedals).lower()}",
+        "",
+        "[match]",
+        f"guid = {_text(match.guid)}",
+        f"vendor = {match.vendor:#06x}",
+        f"products = [{', '.join(f'{product:#06x}' for product in match.products)}]",
+        f"axes = {match.axes}",
+        f"os = {_text(match.system)}",
+    ]
+    lines += _table("steering", steering)
+    for name in ("throttle", "brake", "measured"):
+        part = getattr(profile, name)
+        if part is not None:
+            lines += _table(name, part)
+    if profile.buttons:
+        lines += ["", "[buttons]", *(f"{name} = {n}" for name, n in profile.buttons.items())]
+    return "\n".join(lines) + "\n"
+
+
+def profile_sha256(text: str) -> str:
+    """The hash of a profile file's text, kept with each session."""
+    return sha256(text.encode()).hexdigest()
+
+
+def _table(name: str, part: object) -> list[str]:
+    names = [field.name for field in fields(part)]  # pyright: ignore[reportArgumentType]
+    return ["", f"[{name}]", *(f"{key} = {getattr(part, key)!r}" for key in names)]
+
+
+def _text(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)  # its escapes are TOML's too

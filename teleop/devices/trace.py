@@ -65,7 +65,7 @@ class TraceDevice:
         self._last = NO_SAMPLE
 
     def read(self, step: int | None = None) -> DeviceSample:
-        """The sample of ``step``; without one, what was read last."""
+        """The sample of ``step``; without a step, the last one."""
         if not self._connected:
             return NO_SAMPLE
         if step is not None:

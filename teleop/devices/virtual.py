@@ -129,7 +129,7 @@ class VirtualJoystick:
         self.unplug()
 
     def _set(self, function: str, number: int, value: int) -> None:
-        """Opened for this moment only: like a real one it is closed when no program has it open."""
+        """Set an axis or button; opened only meanwhile, as a real one closes with its last user."""
         handle = self._sdl.SDL_JoystickOpen(self._index())
         if not handle:
             raise DeviceError(f"SDL does not open its virtual joystick: {self._sdl_error()}.")
@@ -143,7 +143,7 @@ class VirtualJoystick:
         instances = map(
             self._sdl.SDL_JoystickGetDeviceInstanceID, range(self._sdl.SDL_NumJoysticks())
         )
-        return next((i for i, found in enumerate(instances) if found == self._instance), None)
+        return next((i for i, instance in enumerate(instances) if instance == self._instance), None)
 
     def _check(self, what: str, number: int, count: int) -> None:
         if self._index() is None:

@@ -51,7 +51,7 @@ class WheelDevice:
     """A wheel that was calibrated; no other device ever takes its place.
 
     Args:
-        events: the event queue it listens to; whoever runs the loop polls it.
+        events: the event queue it listens to; the loop polls it.
         name: part of a name, or a GUID; needed when several calibrated wheels are plugged in.
         profiles: where to look for its profile; shipped and the user's own by default.
         open_feedback: opens its force feedback; None leaves that alone.
@@ -138,7 +138,7 @@ class WheelDevice:
         self._open_force_feedback()
 
     def begin(self, rollout: Rollout | None, *, order: int, attempt: int) -> None:
-        """A wheel that was unplugged in between gets its force feedback back."""
+        """Restore the force feedback of a wheel that was unplugged in between."""
         if self._joystick is not None and self._joystick.openings != self._feedback_openings:
             self._open_force_feedback()
 
@@ -164,18 +164,25 @@ class WheelDevice:
         self._feedback = self._open_feedback(self._joystick.info)
         self._feedback_openings = self._joystick.openings
 
-    def _choose(self, found: list[JoystickInfo], profiles: Sequence[StoredProfile]) -> JoystickInfo:
+    def _choose(
+        self, joysticks: list[JoystickInfo], profiles: Sequence[StoredProfile]
+    ) -> JoystickInfo:
+        """The wheel that was named, or else the only one; calibrated wheels go before others."""
         if self._name:
-            return choose_joystick(found, self._name, "wheel")
-        known = {one: find_profile(one, profiles, self._system) for one in found}
-        wheels = [one for one, stored in known.items() if stored is not None]
-        ready = [one for one in wheels if (at := known[one]) is not None and at.profile.calibrated]
-        if found and not wheels:
+            return choose_joystick(joysticks, self._name, "wheel")
+        wheels: list[JoystickInfo] = []
+        calibrated: list[JoystickInfo] = []
+        for joystick in joysticks:
+            stored = find_profile(joystick, profiles, self._system)
+            if stored is not None:
+                wheels.append(joystick)
+                if stored.profile.calibrated:
+                    calibrated.append(joystick)
+        if joysticks and not wheels:
             raise DeviceError(
-                f"None of {', '.join(map(str, found))} was calibrated as a wheel; {CALIBRATE}"
+                f"None of {', '.join(map(str, joysticks))} was calibrated as a wheel; {CALIBRATE}"
             )
-        # Two of one model are one key of `known`; the list of all tells them apart.
-        return choose_joystick([one for one in found if one in (ready or wheels)], "", "wheel")
+        return choose_joystick(calibrated or wheels, "", "wheel")
 
 
 def _pedal(pedal: PedalAxis | None, raw: RawSample) -> float | None:

@@ -1,8 +1,7 @@
 """A recorded rollout, shown again: nothing that the participant does changes it."""
 
 from steerlab.sim.geometry import Pose2D, wrap_angle
-from steerlab.sim.labelling import labelled_step
-from steerlab.sim.records import Driver, LabelledStep
+from steerlab.sim.records import Driver, LabelledStep, labelled_step
 from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.world import WorldSpec
 from steerlab.teleop.devices.contract import DeviceSample

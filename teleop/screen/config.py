@@ -1,4 +1,4 @@
-"""How the window looks."""
+"""Settings of the window."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ TEXT_SCALES = (0.8, 2.0)
 
 @dataclass(frozen=True, kw_only=True)
 class ScreenConfig:
-    """How the window looks.
+    """Size, view and text scale of the window.
 
     Attributes:
         width, height: in pixels; a full screen takes the desktop's instead.

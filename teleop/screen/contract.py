@@ -1,4 +1,4 @@
-"""What is shown and what comes back: the loop knows no more of a screen than this."""
+"""The screen's contract: what is shown, and which acts come back. The loop knows no more of it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -77,7 +77,7 @@ class Page:
 
 
 class Screen(Protocol):
-    """Where drives and pages are shown."""
+    """A place that shows drives and pages."""
 
     @property
     def focused(self) -> bool:

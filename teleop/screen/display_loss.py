@@ -1,4 +1,4 @@
-"""Notice that the X server went away, instead of being ended by it without a word.
+"""Notice that the X server went away, instead of being ended by it silently.
 
 Xlib ends the process when its connection breaks: no ``finally``, no ``atexit``, exit code 1. It
 does not if a handler of its own is set (libX11 1.7 and later), and SDL's calls then do nothing.
@@ -34,7 +34,7 @@ _ExitHandler = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
 
 
 def outlive_display(window_info: dict[str, Any], quit_sdl: Callable[[], None]) -> bool:
-    """Let the process outlive its X server, so that it can say so and end in order.
+    """Let the process outlive its X server, so that it can report that and end in order.
 
     Args:
         window_info: ``pygame.display.get_wm_info()``.

@@ -1,5 +1,6 @@
 """``Screen`` in a window: the world as the car sees it, the instruments over it, and the pages."""
 
+import os
 from collections.abc import Callable
 from math import pi
 from time import perf_counter_ns
@@ -16,14 +17,108 @@ from steerlab.sim.geometry import Pose2D
 from steerlab.sim.world import WorldSpec
 from steerlab.teleop.screen.config import SMALLEST, ScreenConfig
 from steerlab.teleop.screen.contract import Act, DriveView, Page
+from steerlab.teleop.screen.display_loss import DisplayLost, display_is_lost, outlive_display
 from steerlab.teleop.screen.hud import Hud
 from steerlab.teleop.screen.pages import PageArtist
 from steerlab.teleop.screen.resolution import Resolution, choose_resolution
-from steerlab.teleop.screen.window import Window
-from steerlab.teleop.sdl import SdlEvents, pygame
+from steerlab.teleop.sdl import NoDisplay, SdlEvents, pygame
 
+TITLE = "steerlab"
+_KEYS = {
+    pygame.K_SPACE: Act.CONFIRM,
+    pygame.K_RETURN: Act.CONFIRM,
+    pygame.K_KP_ENTER: Act.CONFIRM,
+    pygame.K_p: Act.PAUSE,
+    pygame.K_r: Act.REDO,
+    pygame.K_ESCAPE: Act.STOP,
+}
 _WAIT = Page(title="One moment")
 _DIM = (92, 92, 92)  # of 255: what a dimmed picture keeps of its light
+
+
+class Window:
+    """A window on ``events``; close it before them.
+
+    Raises:
+        NoDisplay: the window system refuses the window.
+    """
+
+    def __init__(self, events: SdlEvents, config: ScreenConfig) -> None:
+        # SDL would else show the window through OpenGL where that is fast, and take no notice
+        # that MuJoCo makes its own context the current one in between.
+        os.environ["SDL_FRAMEBUFFER_ACCELERATION"] = "0"
+        size, flags = (config.width, config.height), 0
+        if config.full_screen:
+            size, flags = (0, 0), pygame.FULLSCREEN
+        try:
+            self.surface = pygame.display.set_mode(size, flags)
+        except pygame.error as error:
+            raise NoDisplay(f"No window of {config.width}x{config.height}: {error}.") from error
+        pygame.display.set_caption(TITLE)
+        pygame.mouse.set_visible(not config.full_screen)
+        self.outlives_display = outlive_display(pygame.display.get_wm_info(), pygame.quit)
+        self._acts: list[Act] = []
+        self._stop_listening = events.listen(self._hear)
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height."""
+        return self.surface.get_size()
+
+    @property
+    def focused(self) -> bool:
+        """Whether the window has the keyboard's focus, as of the last poll."""
+        return pygame.key.get_focused()
+
+    def acts(self) -> list[Act]:
+        """What was asked for since the last call.
+
+        Raises:
+            DisplayLost: the window is gone.
+        """
+        self._check()
+        acts, self._acts = self._acts, []
+        return acts
+
+    def flip(self) -> None:
+        """Put the surface on the display.
+
+        Raises:
+            DisplayLost: the window is gone.
+        """
+        self._check()
+        pygame.display.flip()
+        self._check()
+
+    def close(self) -> None:
+        """Stop listening; the window goes with its events. Calling it again does nothing."""
+        self._stop_listening()
+
+    def _check(self) -> None:
+        if display_is_lost():
+            raise DisplayLost
+
+    def _hear(self, event: pygame.event.Event, _now_ns: int) -> None:
+        act = None
+        if event.type == pygame.KEYDOWN:
+            act = _KEYS.get(event.key)
+        elif event.type == pygame.QUIT:  # the close button, or the system asking to end
+            act = Act.STOP
+        elif event.type == pygame.WINDOWFOCUSLOST:
+            act = Act.FOCUS_LOST
+        if act is not None:
+            self._acts.append(act)
+
+    def __enter__(self) -> "Window":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
 
 
 class WorldPicture(Protocol):
@@ -36,7 +131,7 @@ class WorldPicture(Protocol):
         ...
 
     def close(self) -> None:
-        """Free it."""
+        """Free the picture's resources."""
         ...
 
 
@@ -47,10 +142,14 @@ class DriveScreen:
     """A window that shows drives and pages; close it before its events.
 
     Args:
+        events: opened with ``window=True``.
         make_picture, now_ns: tests pass their own.
 
     Attributes:
         resolution: in which the world is drawn, and why; None before the first ``enter``.
+
+    Raises:
+        NoDisplay: the window system refuses the window.
     """
 
     def __init__(
@@ -133,7 +232,7 @@ class DriveScreen:
         self.window.flip()
 
     def save(self, path: str) -> None:
-        """Write what is shown to an image file."""
+        """Save the window's content as an image file."""
         pygame.image.save(self.window.surface, path)
 
     def close(self) -> None:
@@ -218,12 +317,3 @@ class _Canvas:
             return
         self._converted.blit(self._as_surface, (0, 0))
         pygame.transform.smoothscale(self._converted, window.get_size(), window)
-
-
-def open_screen(events: SdlEvents, config: ScreenConfig | None = None) -> DriveScreen:
-    """A window on ``events``, which must have been opened with ``window=True``.
-
-    Raises:
-        NoDisplay: the window system refuses the window.
-    """
-    return DriveScreen(events, config)

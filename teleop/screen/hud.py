@@ -1,4 +1,4 @@
-"""The instruments over a drive, in the upper and lower thirds: what is between stays clear."""
+"""The instruments over a drive, in the upper and lower thirds: the middle stays clear."""
 
 from collections.abc import Callable
 from math import hypot, pi
@@ -7,7 +7,6 @@ from steerlab.sim.camera_config import View
 from steerlab.sim.geometry import bearing_rad
 from steerlab.teleop.screen import shapes
 from steerlab.teleop.screen.contract import DriveView
-from steerlab.teleop.screen.keycaps import keycap
 from steerlab.teleop.screen.palette import (
     ACCENT,
     ERROR,
@@ -18,9 +17,8 @@ from steerlab.teleop.screen.palette import (
     QUIET,
     WORDS,
 )
-from steerlab.teleop.screen.pips import pips
 from steerlab.teleop.screen.text import Typesetter
-from steerlab.teleop.screen.wheel_bar import Needles, WheelBar
+from steerlab.teleop.screen.widgets import WheelBar, keycap, pips
 from steerlab.teleop.sdl import pygame
 
 DRIVE_WORD = "Rollout"
@@ -87,7 +85,7 @@ class Hud:
             self._put(surface, "driver", "bottomleft", area.bottomleft, (), self._driver)
         panel = self._wheel_panel
         surface.blit(shapes.panel(panel.size, space.px(10), PANEL, PANEL_ALPHA), panel)
-        self._wheel.draw(surface, Needles(view.needle, view.agent_needle))
+        self._wheel.draw(surface, view.needle, agent=view.agent_needle)
         self.rects["wheel"] = panel
 
     def _put(

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 from steerlab.teleop.screen import shapes
 from steerlab.teleop.screen.contract import Page
-from steerlab.teleop.screen.keycaps import keycap
 from steerlab.teleop.screen.palette import (
     ACCENT,
     EDGE,
@@ -17,9 +16,8 @@ from steerlab.teleop.screen.palette import (
     WARNING,
     WORDS,
 )
-from steerlab.teleop.screen.pips import pips
 from steerlab.teleop.screen.text import Typesetter
-from steerlab.teleop.screen.wheel_bar import Needles, WheelBar
+from steerlab.teleop.screen.widgets import WheelBar, keycap, pips
 from steerlab.teleop.sdl import pygame
 
 _TITLE, _BIG, _LINE, _LABEL, _KEY = 32, 150, 19, 16, 16  # sizes of text
@@ -33,7 +31,7 @@ _SMALLEST = 0.5  # text scale: a page that still does not fit runs out of the wi
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """``draw`` gets the rectangle it may use."""
+    """One part of a page; ``draw`` is given the rectangle it may use."""
 
     name: str
     height: int
@@ -134,10 +132,10 @@ class PageArtist:
         width = min(text.px(460), round(0.8 * self._size[0]))
 
         def draw(surface: pygame.Surface, rect: pygame.Rect) -> None:
-            place = pygame.Rect(0, 0, width, rect.height)
-            place.center = rect.center
-            self.rects["track"] = (bar := WheelBar(place, text)).track
-            bar.draw(surface, Needles(page.needle, centre_band=page.centre_band))
+            box = pygame.Rect(0, 0, width, rect.height)
+            box.center = rect.center
+            self.rects["track"] = (bar := WheelBar(box, text)).track
+            bar.draw(surface, page.needle, centre_band=page.centre_band)
 
         return _Part("wheel", WheelBar.height_px(text), text.px(26), draw)
 
@@ -146,14 +144,14 @@ class PageArtist:
         height = text.px(18)
 
         def draw(surface: pygame.Surface, rect: pygame.Rect) -> None:
-            place = pygame.Rect(0, 0, width, rect.height)
-            place.center = rect.center
+            box = pygame.Rect(0, 0, width, rect.height)
+            box.center = rect.center
             label = text.line(text.shortened(name, _LABEL, width // 3), _LABEL, QUIET)
-            surface.blit(label, label.get_rect(midleft=place.midleft))
+            surface.blit(label, label.get_rect(midleft=box.midleft))
             words = text.line("?" if value is None else f"{value:.0%}", _LABEL, WORDS)
-            surface.blit(words, words.get_rect(midright=place.midright))
+            surface.blit(words, words.get_rect(midright=box.midright))
             track = pygame.Rect(0, 0, width - width // 3 - text.px(62), height)
-            track.midleft = place.left + width // 3, place.centery
+            track.midleft = box.left + width // 3, box.centery
             radius = text.px(4)
             if value is None:
                 surface.blit(shapes.frame(track.size, radius, EDGE, text.px(2)), track)
@@ -167,7 +165,7 @@ class PageArtist:
         return _Part(part, text.px(24), gap, draw)
 
     def _keys(self, page: Page, text: Typesetter) -> _Part:
-        """On one row, or each on its own where they would not fit."""
+        """The part with the key hints, on one row if they fit, else a row each."""
         pairs = [(keycap(text, key, _KEY), text.line(does, _KEY, QUIET)) for key, does in page.keys]
         between, after = text.px(8), text.px(30)
         widths = [cap.get_width() + between + does.get_width() for cap, does in pairs]
@@ -199,7 +197,7 @@ def _centred(name: str, picture: pygame.Surface, gap: int) -> _Part:
 
 
 def _row(name: str, pictures: list[pygame.Surface], between: int, gap: int) -> _Part:
-    """Side by side, in the middle."""
+    """A part with pictures side by side, centred."""
     height = max(picture.get_height() for picture in pictures)
     width = sum(picture.get_width() + between for picture in pictures) - between
 

@@ -1,4 +1,4 @@
-"""In how many pixels the world is drawn: as many as this machine manages in time."""
+"""Chooses the resolution of the world's picture: the finest that this machine draws in time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ DIVISORS = (1, 2)  # of the window's sides; in fewer pixels distances can no lon
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """What was chosen and why; kept with each session.
+    """The chosen resolution and the reason; kept with each session.
 
     Attributes:
         frame_ms: median time of a frame at ``divisor``: drawn, put into the window and shown.
@@ -55,7 +55,7 @@ def choose_resolution(
 
     Args:
         show_frame: draws and shows a frame with the world drawn at window size / the first
-            argument, looking the second's part of a full turn aside: a view may be dear or cheap.
+            argument, looking the second's part of a full turn aside: views differ in cost.
         budget_ms: the median frame may take this long.
         before: what was chosen earlier in this session: it does not go back to a finer picture,
             so that its later drives look as its earlier ones.

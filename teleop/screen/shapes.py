@@ -55,7 +55,7 @@ def frame(size: tuple[int, int], radius: int, colour: Colour, line: int) -> pyga
 
 @lru_cache(maxsize=64)
 def disc(px: int, colour: Colour) -> pygame.Surface:
-    """Filled."""
+    """A filled circle."""
     centre = px * _FINE / 2
     return _smooth(
         (px, px),
@@ -66,7 +66,7 @@ def disc(px: int, colour: Colour) -> pygame.Surface:
 
 @lru_cache(maxsize=64)
 def ring(px: int, colour: Colour) -> pygame.Surface:
-    """Hollow."""
+    """The outline of a circle."""
     centre = px * _FINE / 2
     return _smooth(
         (px, px),
@@ -141,7 +141,7 @@ def arrow(px: int, colour: Colour, step: int) -> pygame.Surface:
 
 @lru_cache(maxsize=16)
 def diamond(px: int, colour: Colour, ground: Colour) -> pygame.Surface:
-    """Hollow, on ``ground``."""
+    """The outline of a diamond, on ``ground``."""
     corners = [(0.5, 0.0), (1.0, 0.5), (0.5, 1.0), (0.0, 0.5)]
     shape = _polygon(px, colour, corners)
     hole = _polygon(max(2, round(0.5 * px)), ground, corners)

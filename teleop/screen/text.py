@@ -28,21 +28,21 @@ class Typesetter:
         return max(1, round(length * self.scale))
 
     def line(self, words: str, size: float, colour: Colour) -> pygame.Surface:
-        """``words`` on one line, on nothing."""
+        """``words`` on one line, on a transparent surface."""
         key = (words, self.px(size), colour)
-        found = self._lines.get(key)
-        if found is None:
+        line = self._lines.get(key)
+        if line is None:
             large = self._font(key[1]).render(words, True, colour)
             width, height = large.get_width() / _FINE, large.get_height() / _FINE
             fitting = max(1, round(width)), max(1, round(height))
-            found = pygame.transform.smoothscale(large, fitting)
-            self._lines[key] = found
+            line = pygame.transform.smoothscale(large, fitting)
+            self._lines[key] = line
             if len(self._lines) > _KEPT:
                 self._lines.popitem(last=False)
-        return found
+        return line
 
     def width(self, words: str, size: float) -> int:
-        """In pixels."""
+        """Width of ``words`` in pixels."""
         return max(1, round(self._font(self.px(size)).size(words)[0] / _FINE))
 
     def shortened(self, words: str, size: float, width_px: int) -> str:

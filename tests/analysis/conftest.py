@@ -13,10 +13,9 @@ from steerlab.analysis.figures import (
     people_figure,
     world_figure,
 )
-from steerlab.analysis.report import (
+from steerlab.analysis.mapper_report import (
     DriveCaption,
     LabelsCaption,
-    ReportFigures,
     SimulationReport,
     ladder_of,
 )
@@ -167,9 +166,9 @@ def example_summary(**changes: object) -> Summary:
     return Summary(**{**values, **changes})
 
 
-def example_figures(arrays: Arrays, summary: Summary) -> ReportFigures:
+def example_figures(arrays: Arrays, summary: Summary) -> dict[str, Figure]:
     a = arrays
-    return ReportFigures(
+    return dict(
         drive=world_figure(
             a.world,
             a.pose,
@@ -229,6 +228,6 @@ def report() -> SimulationReport:
 
 
 @pytest.fixture
-def empty_figures() -> ReportFigures:
+def empty_figures() -> dict[str, Figure]:
     """Figures that cost nothing to draw, for tests about words."""
-    return ReportFigures(**dict.fromkeys(ReportFigures.__dataclass_fields__, Figure()))
+    return dict.fromkeys(("drive", "labels", "ladder", "people", "embeddings"), Figure())

@@ -8,11 +8,14 @@ import pytest
 from matplotlib.figure import Figure
 
 from steerlab.analysis.figures.synthetic import Demonstrators, ShownDrive, synthetic_figure
-from steerlab.analysis.fit_report import FitFigures, FitReport, LabelFacts, render_fit_report
-from steerlab.analysis.report import SimulationReport
+from steerlab.analysis.mapper_report import (
+    FitReport,
+    LabelFacts,
+    SimulationReport,
+    render_fit_report,
+)
 from steerlab.analysis.summary import InvalidSummary
 from steerlab.analysis.synthetic_report import (
-    SyntheticFigures,
     SyntheticReport,
     SyntheticSummary,
     comparison_lines,
@@ -41,7 +44,7 @@ def fit_report(report: SimulationReport) -> FitReport:
             notices=("12 of 27110 rows lack label or truth and are masked.",),
         ),
         labels=report.labels,
-        figures=FitFigures(labels=Figure(), ladder=Figure(), people=Figure()),
+        figures=dict.fromkeys(("labels", "ladder", "people"), Figure()),
     )
 
 
@@ -110,7 +113,7 @@ def _synthetic(report: SimulationReport) -> SyntheticReport:
         shift_s=0.3,
         magnitude=(1.1, 2.5),
         drive="calibration-00",
-        figures=SyntheticFigures(figure2=Figure()),
+        figure2=Figure(),
     )
 
 

@@ -10,10 +10,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
-from steerlab.analysis.report import (
+from steerlab.analysis.mapper_report import (
     LabelsCaption,
-    ReportFigures,
     SimulationReport,
     ladder_of,
     render_report,
@@ -183,7 +183,7 @@ def test_headline_provenance_and_captions(report: SimulationReport, page: Page):
         assert words in page.text
 
 
-def test_hostile_names_are_text(report: SimulationReport, empty_figures: ReportFigures):
+def test_hostile_names_are_text(report: SimulationReport, empty_figures: dict[str, Figure]):
     evil = "<script>alert('x')</script>\"><img src=http://evil.example/>"
     hostile = replace(
         report,
@@ -200,7 +200,7 @@ def test_hostile_names_are_text(report: SimulationReport, empty_figures: ReportF
     assert page.text.count("<script>alert('x')</script>") >= 8
 
 
-def test_a_hostile_method_name_is_text(report: SimulationReport, empty_figures: ReportFigures):
+def test_a_hostile_method_name_is_text(report: SimulationReport, empty_figures: dict[str, Figure]):
     evil = "<b>&x"
     splits = {
         name: replace(split, improvement={**split.improvement, evil: 0.9})
@@ -220,7 +220,7 @@ def test_equal_reports_give_equal_pages(report: SimulationReport, html: str):
 
 
 def test_a_picture_that_the_camera_did_not_take_is_said_to_be_left_out(
-    report: SimulationReport, empty_figures: ReportFigures
+    report: SimulationReport, empty_figures: dict[str, Figure]
 ):
     drive = replace(report.drive, camera_t_s=None, oracle_moments_s=(1.0,))
     text = Page(render_report(replace(report, drive=drive, figures=empty_figures))).text

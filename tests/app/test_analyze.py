@@ -10,19 +10,19 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from steerlab.analysis.study_data import study_conditions
+from steerlab.analysis.study_data import study as study_data
 from steerlab.analysis.study_data.networks import judge
-from steerlab.analysis.study_data.study_data import read_study
+from steerlab.analysis.study_data.study import read_study
 from steerlab.analysis.study_tables.tables import KEYS
 from steerlab.app.cli import main
 from steerlab.learning.checkpoint import load_mapper
-from steerlab.study import opened
+from steerlab.study import study_folder
 from steerlab.study.contract import Role
-from steerlab.study.new import new_study
 from steerlab.study.runner import RunConfig
 from steerlab.study.scripted import ScriptedParticipant
 from steerlab.study.store.teaching import TEACHING_SCHEMA
 from steerlab.study.study import Study
+from steerlab.study.study_folder import new_study
 from steerlab.study.surveys.answer_format import Likert
 
 ROLLOUTS = '["calibration-05", "calibration-07", "calibration-11"]'  # the shortest
@@ -159,13 +159,13 @@ def test_a_network_that_was_changed_costs_its_cells_alone(study, analyze):
 def test_answers_that_a_changed_questionnaire_does_not_allow_are_left_out(
     study, analyze, monkeypatch
 ):
-    known = opened.study_questionnaires(study)
+    known = study_folder.study_questionnaires(study)
     narrow = tuple(
         replace(item, format=Likert(low=1, high=3, anchors=((1, "no"), (3, "yes"))))
         for item in known["mini_ipip_5"].items
     )
     changed = {**known, "mini_ipip_5": replace(known["mini_ipip_5"], items=narrow)}
-    monkeypatch.setattr(opened, "study_questionnaires", lambda folder: changed)
+    monkeypatch.setattr(study_folder, "study_questionnaires", lambda folder: changed)
     analyze(study, "--seeds", 0)
     page = (study / "report" / "index.html").read_text()
     assert "&#39;mini_ipip_5&#39; was changed after it was frozen" in page
@@ -217,7 +217,7 @@ def test_rounds_that_were_taught_in_the_study_are_compared(study, analyze, monke
         for number in (0, 1, 2)
     ]  # fmt: skip
     table = pa.Table.from_pylist(rows, schema=TEACHING_SCHEMA)
-    monkeypatch.setattr(study_conditions, "read_teaching_rounds", lambda connection: table)
+    monkeypatch.setattr(study_data, "read_teaching_rounds", lambda connection: table)
     analyze(study, "--seeds", 0)
     found = tables_of(study)["conditions"]["metrics"]
     assert set(found) == {"success", "final_distance_m", "label_mae"}

@@ -18,8 +18,8 @@ from steerlab.learning.presets import LAB
 from steerlab.learning.series import series_from_table
 from steerlab.learning.splits import split_rollouts, split_study
 from steerlab.sim.calibration_set import load_calibration_set
-from steerlab.sim.labelling import labelled_table
 from steerlab.sim.populations import sample_population
+from steerlab.sim.records import labelled_table
 from steerlab.sim.shards import write_shard
 
 

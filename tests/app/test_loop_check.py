@@ -2,8 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from steerlab.app.doctor_loop import loop_findings, measure_loop
-from steerlab.app.loop_check import LoopCheck
+from steerlab.app.loop_check import LoopCheck, loop_checks, measure_loop
 from steerlab.teleop.sdl import SdlEvents
 from steerlab.teleop.timing_limits import LoopHealth, TimingViolation
 
@@ -36,9 +35,9 @@ def check(*failed, steps=1200, **changes):
 
 
 def test_a_machine_that_keeps_time_has_nothing_to_mend():
-    findings = loop_findings(check(), "960x540")
-    assert all(one.ok and not one.mend for one in findings)
-    assert "1200 taken, 0 lost" in findings[0].found
+    checks = loop_checks(check(), "960x540")
+    assert all(one.ok and not one.mend for one in checks)
+    assert "1200 taken, 0 lost" in checks[0].found
 
 
 @pytest.mark.parametrize(
@@ -52,23 +51,23 @@ def test_a_machine_that_keeps_time_has_nothing_to_mend():
     ],
 )
 def test_each_gate_has_a_line_and_a_mend(gate, what):
-    bad = [one for one in loop_findings(check(gate), "960x540") if not one.ok]
+    bad = [one for one in loop_checks(check(gate), "960x540") if not one.ok]
     assert [one.what for one in bad] == [what]
     assert bad[0].mend
 
 
 def test_a_lost_step_and_no_display_are_said():
-    lost = loop_findings(check(steps=1199), "960x540")[0]
+    lost = loop_checks(check(steps=1199), "960x540")[0]
     assert not lost.ok
     assert "1 lost" in lost.found
-    blind = loop_findings(check(frames=0), "none")
+    blind = loop_checks(check(frames=0), "none")
     assert "nothing was drawn" in next(one.found for one in blind if one.what == "Display")
 
 
 def test_a_load_that_the_system_does_not_tell_is_no_number():
     untold = replace(check(), load=None)
     for found, said in ((check(), "0.20 over the last minute"), (untold, "not told here")):
-        load = next(one for one in loop_findings(found, "none") if one.what == "Load")
+        load = next(one for one in loop_checks(found, "none") if one.what == "Load")
         assert load.ok
         assert load.found == said
 

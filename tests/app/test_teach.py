@@ -16,7 +16,7 @@ import torch
 from PIL import Image
 
 from steerlab.analysis.study_data.conditions_file import left_out_teachers, read_conditions
-from steerlab.app import teach_worker
+from steerlab.app import teach_units
 from steerlab.app.cli import main
 from steerlab.app.teach import teach
 from steerlab.app.teach_config import TeachConfig
@@ -120,7 +120,7 @@ def test_fewer_learners_and_teachers_need_no_new_driving(out, mapper, tmp_path, 
     def never(self, unit, progress):
         raise AssertionError("nothing was missing")
 
-    monkeypatch.setattr(teach_worker.UnitRunner, "run", never)
+    monkeypatch.setattr(teach_units.UnitRunner, "run", never)
     whole = json.loads((out / "summary.json").read_text())
     shutil.copytree(out, tmp_path / "out")
     part = _run(replace(CONFIG, learners=("hg-dagger", "dagger")), tmp_path / "out", mapper=mapper)
@@ -134,13 +134,13 @@ def test_learner_seeds_are_added_and_fewer_are_read_from_more(out, mapper, tmp_p
     shutil.copytree(out, tmp_path / "out")
     one = replace(CONFIG, teachers=1, learners=("dagger",))
     first = read_shard(tmp_path / "out" / "teachers" / "test-000.json")["conditions"]["dagger"]
-    real, seeds = teach_worker.teach_offline, []
+    real, seeds = teach_units.teach_offline, []
 
     def noted(*arguments, **options):
         seeds.append(options["seed"])
         return real(*arguments, **options)
 
-    monkeypatch.setattr(teach_worker, "teach_offline", noted)
+    monkeypatch.setattr(teach_units, "teach_offline", noted)
     more = _run(replace(one, learner_seeds=2), tmp_path / "out", mapper=mapper)
     assert seeds == [1]
     kept = read_shard(tmp_path / "out" / "teachers" / "test-000.json")["conditions"]["dagger"]
@@ -173,7 +173,7 @@ def test_who_is_left_out_depends_on_what_is_asked_of_them(learners, seeds, why):
 
 
 def test_an_interrupted_run_keeps_what_is_done_and_goes_on(out, tmp_path, monkeypatch):
-    real, taught = teach_worker.teach_offline, []
+    real, taught = teach_units.teach_offline, []
 
     def stopped(env, agent, *arguments, **options):
         if len(taught) == 1:
@@ -184,7 +184,7 @@ def test_an_interrupted_run_keeps_what_is_done_and_goes_on(out, tmp_path, monkey
     folder = tmp_path / "out"
     alone = replace(CONFIG, teachers=1, learners=("dagger", "hg-dagger"))
     with monkeypatch.context() as patch:
-        patch.setattr(teach_worker, "teach_offline", stopped)
+        patch.setattr(teach_units, "teach_offline", stopped)
         with pytest.raises(KeyboardInterrupt):
             _run(alone, folder)
     kept = folder / "teachers" / "test-000.json"
@@ -216,7 +216,7 @@ def test_whoever_is_lost_is_not_asked_again_for_every_learner(tmp_path, monkeypa
         asked.append(teacher.name)
         raise BallNeverReached(f"{teacher.name} did not reach the ball")
 
-    monkeypatch.setattr(teach_worker, "demonstrate_offline", lost)
+    monkeypatch.setattr(teach_units, "demonstrate_offline", lost)
     with pytest.raises(ValueError, match="No teacher could be judged"):
         _run(replace(CONFIG, learners=("bc", "dagger"), learner_seeds=3), tmp_path / "out")
     assert asked == ["test-000", "test-001"]
@@ -233,9 +233,9 @@ def test_units_that_were_under_way_say_it_once(tmp_path):
     (tmp_path / "teachers").mkdir()
     teacher = sample_teachers(CONFIG)[0]
     for learner in ("bc", "dagger"):
-        unit = teach_worker.Unit(teacher=teacher, learner=learner, seed=0)
+        unit = teach_units.Unit(teacher=teacher, learner=learner, seed=0)
         lost = {"failed_demonstrations": None, "result": None, "left_out": "no ball"}
-        _keep(teach_worker.TaughtUnit(unit=unit, **lost), tmp_path)
+        _keep(teach_units.TaughtUnit(unit=unit, **lost), tmp_path)
     shard = read_shard(tmp_path / "teachers" / f"{teacher.name}.json")
     assert shard["left_out"] == [{"seed": 0, "learner": None, "why": "no ball"}]
 
@@ -247,14 +247,14 @@ def _lost(env, teacher, config, *, seed):
 def test_whoever_never_reaches_the_ball_is_left_out(out, mapper, tmp_path, monkeypatch):
     shutil.copytree(out, tmp_path / "out")
     (tmp_path / "out" / "teachers" / "test-000.json").unlink()
-    monkeypatch.setattr(teach_worker, "demonstrate_offline", _lost)
+    monkeypatch.setattr(teach_units, "demonstrate_offline", _lost)
     summary = _run(CONFIG, tmp_path / "out", mapper=mapper)
     assert summary["teachers"] == 1
     assert "did not reach the ball" in summary["left_out"]["test-000"]
 
 
 def test_if_nobody_reaches_the_ball_the_command_says_so(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(teach_worker, "demonstrate_offline", _lost)
+    monkeypatch.setattr(teach_units, "demonstrate_offline", _lost)
     arguments = ["--learners", "dagger", "--teachers", "2", "--rounds", "1", "--task", "easy"]
     assert main(["teach", *arguments, "--out", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
@@ -272,7 +272,7 @@ def test_a_loss_that_is_no_number_leaves_the_others_as_they_are(out, mapper, tmp
     def diverged(*arguments, **options):
         raise TrainingDiverged("The policy's loss is nan at step 3")
 
-    monkeypatch.setattr(teach_worker, "teach_offline", diverged)
+    monkeypatch.setattr(teach_units, "teach_offline", diverged)
     summary = _run(CONFIG, tmp_path / "out", mapper=mapper)
     assert "hg-dagger, learner seed 0: The policy's loss is nan" in summary["left_out"]["test-001"]
     assert summary["teachers"] == 1

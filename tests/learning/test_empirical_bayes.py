@@ -7,13 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steerlab.learning.empirical_bayes.features import (
-    BIAS,
-    FEATURES,
-    TAPS,
-    label_features,
-    whole_window,
-)
 from steerlab.learning.empirical_bayes.gaussian import (
     Moments,
     Prior,
@@ -21,7 +14,16 @@ from steerlab.learning.empirical_bayes.gaussian import (
     given_noise,
     posterior,
 )
-from steerlab.learning.empirical_bayes.grid import RATE_HZ, GridSeries, from_grid
+from steerlab.learning.empirical_bayes.grid import (
+    BIAS,
+    FEATURES,
+    RATE_HZ,
+    TAPS,
+    GridSeries,
+    from_grid,
+    label_features,
+    whole_window,
+)
 from steerlab.learning.empirical_bayes.mapper import EmpiricalBayesMapper
 from steerlab.learning.errors import InvalidLabels, NotFitted, UnknownPerson
 from steerlab.learning.label_quality import mapper_quality

@@ -9,10 +9,9 @@ import torch
 
 from steerlab.learning.errors import InvalidLabels, NotFitted
 from steerlab.learning.pretrained.expected_error import ErrorScale, measure_error_scale
-from steerlab.learning.pretrained.fine_tuning import FineTuningConfig, fine_tuned
+from steerlab.learning.pretrained.fine_tuning import FineTuningConfig, fine_tuned, study_batch
 from steerlab.learning.pretrained.mapper import SimPretrainedMapper
-from steerlab.learning.pretrained.network import ResidualNetwork
-from steerlab.learning.pretrained.study_batch import study_batch
+from steerlab.learning.pretrained.model import ResidualNetwork
 from steerlab.learning.pretrained.weights import load_shipped_model
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.vehicle import WHEEL_LIMIT

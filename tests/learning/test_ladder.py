@@ -24,8 +24,8 @@ from steerlab.learning.baselines import (
     fit_baselines,
     left_out,
 )
-from steerlab.learning.baselines.gain_lag import DelayGrid
-from steerlab.learning.baselines.ridge import choose_penalty, features, moments
+from steerlab.learning.baselines.gain import DelayGrid
+from steerlab.learning.baselines.ridge import choose_penalty, features, ridge_sums
 from steerlab.learning.errors import InvalidLabels, NotFitted, UnknownPerson
 from steerlab.learning.label_quality import mapper_quality
 from steerlab.learning.presets import PAPER
@@ -262,11 +262,11 @@ def test_the_penalty_is_that_of_fits_without_the_rollout(study):
         mapper_error = []
         for penalty in penalties:
             rest = [one for one in own if one is not out]
-            coefficients = moments(rest, window).coefficients(np.array([penalty]))[0]
+            coefficients = ridge_sums(rest, window).coefficients(np.array([penalty]))[0]
             left = out.label - out.truth - features(out, window) @ coefficients
             mapper_error.append(np.square(left[out.valid]).sum())
         error += mapper_error
-    everything = moments(own, window)
+    everything = ridge_sums(own, window)
     np.testing.assert_allclose(everything.left_out_error(penalties), error, rtol=1e-6)
     assert choose_penalty([everything], penalties) == penalties[np.argmin(error)]
 

@@ -9,13 +9,18 @@ import torch
 from steerlab.learning.empirical_bayes.grid import RATE_HZ
 from steerlab.learning.errors import InvalidLabels, UnknownPerson
 from steerlab.learning.label_quality import mapper_quality
-from steerlab.learning.pretrained.drive import PretrainingDrive
 from steerlab.learning.pretrained.fine_tuning import FineTuningConfig
 from steerlab.learning.pretrained.mapper import SimPretrainedMapper
-from steerlab.learning.pretrained.model import Alignment, PretrainedModel, network_inputs
-from steerlab.learning.pretrained.network import INPUTS, ResidualConfig, ResidualNetwork
+from steerlab.learning.pretrained.model import (
+    INPUTS,
+    Alignment,
+    PretrainedModel,
+    ResidualConfig,
+    ResidualNetwork,
+    network_inputs,
+)
 from steerlab.learning.pretrained.style import STYLE_SIZE
-from steerlab.learning.pretrained.teachers import STYLE, simulate_study
+from steerlab.learning.pretrained.teachers import STYLE, PretrainingDrive, simulate_study
 from steerlab.learning.pretrained.train import PretrainConfig, pretrain
 from steerlab.learning.series import CONTEXT, LabelSeries
 from steerlab.sim.errors import InvalidConfig

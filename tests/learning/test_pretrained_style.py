@@ -17,8 +17,7 @@ from steerlab.learning.pretrained.style import (
     mirrored_style,
     style_moments,
 )
-from steerlab.learning.pretrained.teachers import STYLE
-from steerlab.learning.pretrained.true_style import known_readout, known_style
+from steerlab.learning.pretrained.teachers import STYLE, known_readout, known_style
 from steerlab.learning.pretrained.weights import load_shipped_model
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.vehicle import WHEEL_LIMIT

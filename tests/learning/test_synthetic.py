@@ -6,13 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steerlab.learning.presets import MapperConfig
-from steerlab.learning.synthetic.demonstrators import (
+from steerlab.learning.synthetic.drives import (
     WHEEL_PER_RAD,
+    DriveConfig,
     Timing,
+    heading_difference_rad,
     label_drives,
     respond_rad,
+    sample_drives,
 )
-from steerlab.learning.synthetic.drives import DriveConfig, heading_difference_rad, sample_drives
 from steerlab.learning.synthetic.experiment import SyntheticConfig, run_synthetic
 from steerlab.learning.training import TrainingConfig
 from steerlab.learning.windows import WindowConfig

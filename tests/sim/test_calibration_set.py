@@ -14,12 +14,11 @@ from steerlab.sim.calibration_generator import (
     generate_calibration_set,
     hard_share,
 )
-from steerlab.sim.calibration_set import load_calibration_set
+from steerlab.sim.calibration_set import load_calibration_set, read_rollouts, write_rollouts
 from steerlab.sim.engine.driving import Driving
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.ground_truth import Planner
 from steerlab.sim.rollout import Rollout
-from steerlab.sim.rollout_file import read_rollouts, write_rollouts
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 ROLLOUTS = load_calibration_set()

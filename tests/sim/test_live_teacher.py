@@ -3,15 +3,15 @@ import pytest
 
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.live_teacher import DriveContext, LiveTeacher, softened
-from steerlab.sim.out_of_family import (
+from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherNotReady, TeacherStyle
+from steerlab.sim.unusual_teachers import (
     OUT_OF_FAMILY,
     BangBang,
     Fatigue,
     LateBraking,
+    UnusualTeacher,
     sample_out_of_family,
 )
-from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherNotReady, TeacherStyle
-from steerlab.sim.unusual_teachers import UnusualTeacher
 
 STEPS = 60
 RNG = np.random.default_rng(0)

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from steerlab.study.contract import Role
-from steerlab.study.new import new_study
 from steerlab.study.runner import RunConfig, RunReport
 from steerlab.study.scripted import ScriptedParticipant
 from steerlab.study.study import Study
+from steerlab.study.study_folder import new_study
 
 ROLLOUTS = '["calibration-05", "calibration-07"]'  # the shortest
 

@@ -7,7 +7,7 @@ import pytest
 
 from steerlab.study.store.records import AttemptStatus
 from steerlab.study.store.store import StudyStore
-from steerlab.teleop.devices.profile_toml import profile_from_toml
+from steerlab.teleop.devices.profile_folder import profile_from_toml
 from tests.teleop.display import Display
 
 pytestmark = [

@@ -11,7 +11,7 @@ import pytest
 from steerlab.study.contract import PhaseState, Role, Standing, StudyError
 from steerlab.study.store.answers import read_responses
 from steerlab.study.study import Study
-from steerlab.study.surveys.questionnaire import InvalidAnswer
+from steerlab.study.surveys.answer_format import InvalidAnswer
 
 
 def answer_all(study: Study, who: str, phase: str = "about-you") -> None:
@@ -216,8 +216,8 @@ def test_places_follow_every_program_and_are_read_once(study, folder, at_about_y
         assert study.participant(at_about_you).progress.startswith("1 of ")
         (view,) = study.participants()
         assert view.progress.startswith("1 of ")
-        monkeypatch.setattr("steerlab.study.progress_cache.everybody", None)
-        monkeypatch.setattr("steerlab.study.progress_cache.progress_of", None)
+        monkeypatch.setattr("steerlab.study.progress.everybody", None)
+        monkeypatch.setattr("steerlab.study.progress.progress_of", None)
         assert study.participants() == [view]  # nothing changed: nothing is worked out
         assert study.participant(at_about_you) == view
         monkeypatch.undo()

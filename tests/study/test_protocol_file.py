@@ -7,10 +7,9 @@ import pytest
 
 from steerlab.sim.errors import InvalidConfig
 from steerlab.study.contract import PhaseKind, Role, StudyError
-from steerlab.study.new import new_study, template_names
-from steerlab.study.phases import phases_for
 from steerlab.study.protocol_file import parse_protocol, study_questionnaires
 from steerlab.study.study import Study
+from steerlab.study.study_folder import new_study, template_names
 
 ORDER = ("dagger", "bc", "mind_meld")
 
@@ -31,7 +30,7 @@ def test_the_template_is_the_papers_procedure(text):
     assert [one.key for one in protocol.conditions] == ["mind_meld", "bc", "dagger"]
     assert len(protocol.rollouts) == 12
     assert not protocol.display.show_agent_wheel
-    training = phases_for(protocol, Role.TRAINING, ())
+    training = protocol.phases_for(Role.TRAINING, ())
     assert [phase.kind for phase in training] == [
         PhaseKind.CONSENT,
         PhaseKind.QUESTIONNAIRES,
@@ -42,7 +41,7 @@ def test_the_template_is_the_papers_procedure(text):
         PhaseKind.DEBRIEF,
     ]
     assert training[0].text == ()  # the console asks for the newest consent text
-    test = phases_for(protocol, Role.TEST, ORDER)
+    test = protocol.phases_for(Role.TEST, ORDER)
     taught = [(one.id, one.condition) for one in test if one.kind is PhaseKind.TEACH]
     assert taught == [("teach-1", "dagger"), ("teach-2", "bc"), ("teach-3", "mind_meld")]
     about = [(one.id, one.condition) for one in test if one.questionnaires and one.condition]

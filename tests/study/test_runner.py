@@ -24,7 +24,7 @@ from steerlab.study.store.frozen import read_embeddings
 from steerlab.study.store.records import AttemptStatus
 from steerlab.study.store.store import StudyStore
 from steerlab.study.study import Study
-from steerlab.study.teaching.request import TeachingResult
+from steerlab.study.teaching.contract import TeachingResult
 from steerlab.teleop.practice import PracticeConfig, PracticeResult
 
 
@@ -336,7 +336,7 @@ def test_a_run_that_was_killed_goes_on_where_it_was(trained, run_scripted, where
         for key in ("fluency", "demographics"):
             asked = again.questionnaire(key)
             assert again.answers(who, "about-you", key) == respondent.answers(
-                asked, occasion="about-you"
+                asked, phase="about-you"
             )
         assert again.verify().ok
     with StudyStore.open(folder / "study.db", read_only=True) as store:

@@ -169,7 +169,7 @@ def test_a_person_is_the_same_person_on_every_occasion():
     pairs = []
     for seed in range(400):
         one = ScriptedRespondent(f"p-{seed}", None, 5)
-        sheets = [one.answers(found, occasion=name, success=0.5) for name in ("post-1", "post-2")]
+        sheets = [one.answers(found, phase=name, success=0.5) for name in ("post-1", "post-2")]
         pairs.append([score(found, sheet)["total"].score for sheet in sheets])
     # stability .6, times the reliability of both sheets, about .8
     assert 0.3 < _correlation(*np.array(pairs).T) < 0.65
@@ -179,12 +179,12 @@ def test_answers_depend_on_seed_name_and_occasion_alone():
     style = TeacherStyle(gain=1.4)
     one = ScriptedRespondent("p-1", style, 7, AnswerModel(effects=(_effect(),)))
     first = one.answers(MINI_IPIP)
-    one.answers(SHIPPED["trust"], occasion="post-1", success=0.2)
+    one.answers(SHIPPED["trust"], phase="post-1", success=0.2)
     assert one.answers(MINI_IPIP) == first
     assert replace(one).answers(MINI_IPIP) == first
     assert replace(one, seed=8).answers(MINI_IPIP) != first
     assert replace(one, name="p-2").answers(MINI_IPIP) != first
-    assert one.answers(MINI_IPIP, occasion="again") != first
+    assert one.answers(MINI_IPIP, phase="again") != first
 
 
 def test_demographics_are_plausible():

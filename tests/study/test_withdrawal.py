@@ -11,9 +11,9 @@ from steerlab.sim.files.folder_lock import RUN_LOCK, LockedOut, locked
 from steerlab.study import withdrawal
 from steerlab.study.contract import Role, Standing, StudyError
 from steerlab.study.models import frozen_model
-from steerlab.study.store.erasure import scrub
 from steerlab.study.store.errors import StoreError
 from steerlab.study.store.frozen import read_embeddings
+from steerlab.study.store.people import scrub
 from steerlab.study.study import Study
 
 SECRET = "Quokka-of-Rottnest"

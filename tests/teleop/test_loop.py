@@ -2,9 +2,8 @@ import numpy as np
 
 from steerlab.learning.series import series_from_table
 from steerlab.sim.calibration_set import load_calibration_set
-from steerlab.sim.labelling import labelled_step, labelled_table
 from steerlab.sim.populations import sample_population
-from steerlab.sim.records import table_from_steps
+from steerlab.sim.records import labelled_step, labelled_table, table_from_steps
 from steerlab.study.store.records import StoredRollout
 from steerlab.study.store.store import StudyStore
 from steerlab.teleop.devices.contract import DeviceInfo, DeviceSample, InputKind

@@ -7,10 +7,11 @@ import pytest
 
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import SteerlabError
+from steerlab.teleop.attempt import SessionConfig
 from steerlab.teleop.devices.contract import Button, DeviceInfo, DeviceSample, InputKind
 from steerlab.teleop.drives.replay import Replay
 from steerlab.teleop.screen.contract import Act
-from steerlab.teleop.session import DriveSession, SessionConfig, SessionEnd
+from steerlab.teleop.session import DriveSession, SessionEnd
 
 MS = 1_000_000
 

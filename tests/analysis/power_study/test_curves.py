@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from steerlab.analysis.power_study.curves import PowerCurve
+from steerlab.analysis.power_study.report import PowerCurve
 from steerlab.analysis.statistics.outcome import NotComputable
 
 SIZES = (10, 20, 40, 80)

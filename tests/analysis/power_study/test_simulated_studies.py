@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steerlab.analysis.power_study.blocks import BLOCK, run_block
 from steerlab.analysis.power_study.design import ConditionMean, Effect, PowerDesign
 from steerlab.analysis.power_study.simulated_studies import (
     ANY_NULL,
     BETTER,
+    BLOCK,
     DIFFER,
     HOLM,
     NULL,
@@ -19,6 +19,7 @@ from steerlab.analysis.power_study.simulated_studies import (
     reject_outcomes,
     resample_outcomes,
     rivals_of,
+    run_block,
     simulate_correlations,
     simulate_outcomes,
 )

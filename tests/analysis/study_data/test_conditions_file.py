@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from steerlab.analysis.study_data.conditions_file import left_out_teachers, read_conditions
-from steerlab.analysis.study_data.errors import NotAStudy
+from steerlab.analysis.study_data.records import NotAStudy
 
 HEAD = "participant,condition,round,success,final_distance_m,label_mae,position\n"
 

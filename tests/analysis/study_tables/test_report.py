@@ -6,11 +6,11 @@ from html.parser import HTMLParser
 
 import pytest
 
-from steerlab.analysis.study_tables.deviations import deviations
-from steerlab.analysis.study_tables.methods_text import methods_text
-from steerlab.analysis.study_tables.reading import Reader, p_value
+from steerlab.analysis.study_tables.methods import deviations, methods_text
+from steerlab.analysis.study_tables.reading import Reader
 from steerlab.analysis.study_tables.report import AnalysisReport, render_analysis
 from steerlab.analysis.study_tables.tables import AnalysisConfig, analyse
+from steerlab.analysis.wording import p_value
 
 
 class _Page(HTMLParser):
@@ -140,7 +140,7 @@ def test_numbers_as_journals_print_them():
     assert p_value(1e-9).startswith("<")
     read = Reader()
     assert read.p(0.0123) == "p\u00a0=\u00a0.012"
-    assert read.p(1e-9) == "p\u00a0<\u202f.001"
+    assert read.p(1e-9) == "p\u00a0<\u00a0.001"
     assert "so" in read.number({"empty": "so"})
     assert read.interval([-0.5, 0.25]) == "\u22120.50\u00a0to\u00a00.25"
     assert re.search("–", read.number(None))

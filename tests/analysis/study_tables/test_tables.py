@@ -166,7 +166,7 @@ def test_what_is_not_finite_never_becomes_a_cell():
 
 
 def test_fastdtw_is_a_column_beside(study):
-    from steerlab.analysis.study_tables.style_table import exact_styles, style_table
+    from steerlab.analysis.study_tables.tables import exact_styles, style_table
 
     data = study(4)
     rows = style_table(data, exact_styles(data), fastdtw=True)["rows"]

@@ -5,7 +5,7 @@ import pytest
 
 from steerlab.analysis.statistics.outcome import NotComputable
 from steerlab.analysis.style.metrics import amplitude, timing
-from steerlab.analysis.style.rollout_style import rollout_style
+from steerlab.analysis.style.person_style import rollout_style
 from steerlab.analysis.style.warping import Warping
 from steerlab.sim.errors import InvalidConfig
 

@@ -8,8 +8,8 @@ from scipy.stats import spearmanr
 from steerlab.analysis.style.person_style import people_styles
 from steerlab.learning.series import LabelSeries, series_from_table
 from steerlab.sim.calibration_set import load_calibration_set
-from steerlab.sim.labelling import labelled_table
 from steerlab.sim.populations import sample_population
+from steerlab.sim.records import labelled_table
 from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherStyle
 
 TEACHERS = 40

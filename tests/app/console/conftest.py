@@ -16,11 +16,9 @@ import uvicorn
 
 from steerlab.app.console.app import make_app
 from steerlab.app.console.change_feed import ChangeFeed
-from steerlab.app.console.forms import csrf_token
-from steerlab.app.console.login_throttle import LoginThrottle
-from steerlab.app.console.sign_in import SignIn
-from steerlab.app.console.study_check_job import StudyCheckJob
-from steerlab.app.console.study_thread import StudyThread
+from steerlab.app.console.guard import csrf_token
+from steerlab.app.console.sign_in import LoginThrottle, SignIn
+from steerlab.app.console.study_thread import StudyCheckJob, StudyThread
 from steerlab.app.console.wheel_run import WheelRuns
 from steerlab.study.contract import Role
 
@@ -116,22 +114,22 @@ class Lab:
 def lab(tmp_path):
     study = fake_study.FakeStudy()
     links, clock = [], [0.0]
-    desk = StudyThread(lambda: nullcontext(study))
+    study_thread = StudyThread(lambda: nullcontext(study))
     script = tmp_path / "fake_run.py"
     script.write_text(FAKE_RUN)
     runs = WheelRuns(tmp_path, command=(sys.executable, str(script)))
-    checkup = StudyCheckJob(lambda: nullcontext(study))
-    changes = ChangeFeed(desk, runs.mark, checkup.mark)
+    check_job = StudyCheckJob(lambda: nullcontext(study))
+    changes = ChangeFeed(study_thread, runs.mark, check_job.mark)
     sign_in = SignIn(announce=links.append, clock=lambda: clock[0])
     sign_in.announce_link()
     app = make_app(
-        desk,
+        study_thread,
         runs,
-        checkup,
+        check_job,
         sign_in,
         origins=(ORIGIN, "http://localhost:8765"),
         address=ORIGIN,
-        guesses=LoginThrottle(clock=lambda: clock[0]),
+        throttle=LoginThrottle(clock=lambda: clock[0]),
         changes=changes,
     )
     client = TestClient(app, base_url=ORIGIN, follow_redirects=False, raise_server_exceptions=False)
@@ -144,7 +142,7 @@ def lab(tmp_path):
         if runs.view() is not None:
             runs._process.wait(10)
         runs.close()
-        desk.close()
+        study_thread.close()
 
 
 @contextmanager
@@ -153,14 +151,14 @@ def _serving(open_study, folder, command=()):
     links: list[str] = []
     listening = socket.create_server(("127.0.0.1", 0))
     address = f"http://127.0.0.1:{listening.getsockname()[1]}"
-    desk = StudyThread(open_study)
+    study_thread = StudyThread(open_study)
     runs = WheelRuns(folder, command=command)
-    checkup = StudyCheckJob(open_study)
-    changes = ChangeFeed(desk, runs.mark, checkup.mark)
+    check_job = StudyCheckJob(open_study)
+    changes = ChangeFeed(study_thread, runs.mark, check_job.mark)
     sign_in = SignIn(announce=links.append)
     sign_in.announce_link()
     app = make_app(
-        desk, runs, checkup, sign_in, origins=(address,), address=address, changes=changes
+        study_thread, runs, check_job, sign_in, origins=(address,), address=address, changes=changes
     )
     config = uvicorn.Config(app, log_level="warning", access_log=False, ws="none")
     server = uvicorn.Server(config)
@@ -176,7 +174,7 @@ def _serving(open_study, folder, command=()):
         if runs.view() is not None:
             runs._process.wait(10)
         runs.close()
-        desk.close()
+        study_thread.close()
 
 
 @pytest.fixture

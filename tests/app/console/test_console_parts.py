@@ -1,4 +1,4 @@
-"""The console's parts on their own: settings, runs, next steps, guesses, forms, changes."""
+"""The console's parts on their own: settings, runs, next steps, throttle, forms, changes."""
 
 import asyncio
 import os
@@ -15,10 +15,9 @@ import pytest
 from steerlab.app.console import texts
 from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.config import ConsoleConfig
-from steerlab.app.console.login_throttle import MOST_ADDRESSES, LoginThrottle
 from steerlab.app.console.next_steps import NextAction, next_step, step_of
 from steerlab.app.console.server import _address_option, _bind
-from steerlab.app.console.sign_in import SignIn
+from steerlab.app.console.sign_in import MOST_ADDRESSES, LoginThrottle, SignIn
 from steerlab.app.console.study_thread import StudyThread
 from steerlab.app.console.wheel_run import LAST_LINES, RunView, WheelRuns
 from steerlab.sim.errors import InvalidConfig
@@ -221,13 +220,13 @@ def test_what_the_computer_does_alone_is_said_so(lab):
 
 def test_the_longest_unseen_address_is_forgotten_first():
     now = [0.0]
-    guesses = LoginThrottle(clock=lambda: now[0])
+    throttle = LoginThrottle(clock=lambda: now[0])
     for _ in range(20):
-        guesses.wrong("old")
-    assert guesses.wait_s("old") == 60
+        throttle.wrong("old")
+    assert throttle.wait_s("old") == 60
     for number in range(MOST_ADDRESSES):
-        guesses.wrong(f"address {number}")
-    assert guesses.wait_s("old") == 0
+        throttle.wrong(f"address {number}")
+    assert throttle.wait_s("old") == 0
 
 
 def test_a_study_that_cannot_be_opened_says_so_and_leaves_no_thread():
@@ -240,8 +239,8 @@ def test_a_study_that_cannot_be_opened_says_so_and_leaves_no_thread():
 
 def test_streams_say_what_changed_and_end_with_the_console(lab):
     async def listen():
-        desk = StudyThread(lambda: nullcontext(lab.study))
-        changes = ChangeFeed(desk, lab.runs.mark)
+        study_thread = StudyThread(lambda: nullcontext(lab.study))
+        changes = ChangeFeed(study_thread, lab.runs.mark)
 
         async def key():
             return changes.version
@@ -254,7 +253,7 @@ def test_streams_say_what_changed_and_end_with_the_console(lab):
         said.append(await anext(stream))
         changes.close()
         said += [chunk async for chunk in stream]
-        desk.close()
+        study_thread.close()
         return said
 
     said = asyncio.run(listen())

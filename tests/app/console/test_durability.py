@@ -14,10 +14,10 @@ import pytest
 
 from steerlab.app.console import texts
 from steerlab.app.console.experimenter_pages import COOKIE
-from steerlab.app.console.forms import csrf_token
+from steerlab.app.console.guard import csrf_token
 from steerlab.study.contract import Role, Standing
-from steerlab.study.new import new_study
 from steerlab.study.study import Study
+from steerlab.study.study_folder import new_study
 
 pytestmark = pytest.mark.slow
 

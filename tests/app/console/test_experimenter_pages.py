@@ -4,14 +4,7 @@ import time
 import pytest
 
 from steerlab.app.console import texts
-from steerlab.study.contract import (
-    Phase,
-    PhaseKind,
-    PhaseState,
-    Role,
-    Standing,
-    StudyError,
-)
+from steerlab.study.contract import Phase, PhaseKind, PhaseState, Role, Standing, StudyError
 
 
 def _eventually(holds):

@@ -10,8 +10,8 @@ import pytest
 
 from steerlab.app.console import texts
 from steerlab.study.contract import Standing
-from steerlab.study.new import new_study
 from steerlab.study.study import Study
+from steerlab.study.study_folder import new_study
 
 pytestmark = [pytest.mark.browser, pytest.mark.display, pytest.mark.slow]
 

@@ -5,8 +5,7 @@ import re
 import pytest
 
 from steerlab.app.console import texts
-from steerlab.app.console.forms import csrf_token
-from steerlab.app.console.guard import LARGEST_BODY
+from steerlab.app.console.guard import LARGEST_BODY, csrf_token
 from steerlab.study.contract import PhaseState, Standing
 
 ORIGIN = "http://127.0.0.1:8765"

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 import httpx
 import pytest
 
-from steerlab.study.new import new_study
+from steerlab.study.study_folder import new_study
 
 pytestmark = [
     pytest.mark.slow,

@@ -5,19 +5,22 @@ import pytest
 
 from steerlab.learning.agents import LEARNERS, Episode, PolicyLearner, make_agent
 from steerlab.learning.agents.catalogue import PLAIN, baseline_of
-from steerlab.learning.agents.coaching import CoachedLabels
-from steerlab.learning.agents.common import EveryLabel, WhereTeacherDrives
-from steerlab.learning.agents.confidence import DemonstrationsAndCorrections
 from steerlab.learning.agents.contract import GateInput, Targets
-from steerlab.learning.agents.dagger import BetaMixture
-from steerlab.learning.agents.eil import BAD_DECISIONS, MARGIN, InterventionLabels
-from steerlab.learning.agents.ensemble_dagger import DoubtGate
-from steerlab.learning.agents.hg_dagger import LEAST_HELD, RiskGate
-from steerlab.learning.agents.mind_meld import MappedLabels, feedback_series
-from steerlab.learning.agents.novelty import Novelty
-from steerlab.learning.agents.oracle import OracleLabelRule
-from steerlab.learning.agents.safety import SafetyModel
-from steerlab.learning.agents.shiv import NovelLabels
+from steerlab.learning.agents.gates import LEAST_HELD, BetaMixture, EnsembleGate, RiskGate
+from steerlab.learning.agents.label_rules import (
+    BAD_DECISIONS,
+    MARGIN,
+    CoachedLabels,
+    DemonstrationsAndCorrections,
+    EveryLabel,
+    InterventionLabels,
+    MappedLabels,
+    NovelLabels,
+    OracleLabelRule,
+    WhereTeacherDrives,
+    feedback_series,
+)
+from steerlab.learning.agents.learner import Novelty, SafetyModel
 from steerlab.learning.baselines import IdentityMapper
 from steerlab.learning.policy import IMAGE_SHAPE, Observations
 from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingRows
@@ -211,7 +214,7 @@ def test_confidence_adds_corrections_of_confident_mistakes(make_episode):
 
 
 def test_ensemble_dagger_asks_less_as_doubt_falls():
-    gate = DoubtGate()
+    gate = EnsembleGate()
     spread = np.linspace(0.0, 3.0, 50)
     shares = [
         np.mean([gate.who_drives(_moment(doubt=d * scale)) is Driver.TEACHER for d in spread])

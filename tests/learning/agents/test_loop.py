@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from steerlab.learning.agents import Judging, TaskEnv, TeachingConfig, TeachingLoop, TeachingSpec
-from steerlab.learning.agents.common import LearnerDrives, TeacherDrives, WhereTeacherDrives
+from steerlab.learning.agents.catalogue import dagger, oracle
 from steerlab.learning.agents.contract import Agent
-from steerlab.learning.agents.dagger import dagger
 from steerlab.learning.agents.drive import HeldGate, Robot
 from steerlab.learning.agents.episode import label_errors, make_episode, make_rollout
+from steerlab.learning.agents.gates import LearnerDrives, TeacherDrives
+from steerlab.learning.agents.label_rules import WhereTeacherDrives
 from steerlab.learning.agents.learner import PolicyLearner
 from steerlab.learning.agents.offline import MemoryLog
-from steerlab.learning.agents.oracle import oracle
 from steerlab.learning.agents.teaching import BallNeverReached, NothingShown, RoundDiverged
 from steerlab.learning.agents.teaching_contract import AfterRest
 from steerlab.learning.policy import IMAGE_SHAPE, Observations

@@ -15,8 +15,9 @@ from steerlab.learning.agents import (
     make_agent,
     teach_offline,
 )
-from steerlab.learning.agents.common import LearnerDrives, TeacherDrives, WhereTeacherDrives
 from steerlab.learning.agents.contract import Agent
+from steerlab.learning.agents.gates import LearnerDrives, TeacherDrives
+from steerlab.learning.agents.label_rules import WhereTeacherDrives
 from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingDiverged
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherStyle

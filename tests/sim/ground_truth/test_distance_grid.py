@@ -9,12 +9,13 @@ from steerlab.sim.ground_truth.distance_grid import (
     Keep,
     body_of,
     clearance_at,
+    collision,
     distance_at,
     distance_grid,
     needed_clearance_m,
+    overlaps,
     square_distance_grid,
 )
-from steerlab.sim.ground_truth.footprint import collision, overlaps
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import Block, WorldSpec
 from steerlab.sim.world_generator import generate_world

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from steerlab.sim.errors import NoPath
 from steerlab.sim.geometry import Pose2D, wrap_angle
 from steerlab.sim.ground_truth import Planner
-from steerlab.sim.ground_truth.route import ANY_ROUTE, Route, route_map, same_route
-from steerlab.sim.ground_truth.turns import turn_then_straight
+from steerlab.sim.ground_truth.label_path import turn_then_straight
+from steerlab.sim.ground_truth.planner_inputs import ANY_ROUTE, Route, route_map, same_route
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 RADIUS_M = 6.5

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from steerlab.sim.calibration_set import load_calibration_set
-from steerlab.sim.labelling import labelled_step
+from steerlab.sim.records import labelled_step
 from steerlab.sim.rollout import Rollout
 from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
 from steerlab.study.recording.viewer import VULKAN_HINT

@@ -26,7 +26,7 @@ from pathlib import Path
 from time import sleep
 from types import SimpleNamespace
 from steerlab.sim.calibration_set import load_calibration_set
-from steerlab.sim.labelling import labelled_step
+from steerlab.sim.records import labelled_step
 from steerlab.teleop.devices.contract import DeviceInfo, InputKind
 from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
 from steerlab.study.recording.writer import AttemptWriter

@@ -12,10 +12,8 @@ from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 
 from steerlab.sim.errors import NoRenderer
-from steerlab.study.recording.errors import RecordingUnavailable
-from steerlab.study.recording.executable import EXECUTABLE
 from steerlab.study.recording.rebuild import rebuild_recording, recording_file
-from steerlab.study.recording.viewer import ViewerProcess
+from steerlab.study.recording.viewer import EXECUTABLE, RecordingUnavailable, ViewerProcess
 from steerlab.study.store.records import AttemptStatus
 from steerlab.study.store.store import StudyStore
 
@@ -169,7 +167,7 @@ KILLED = """
 import os, signal, sys, time
 from pathlib import Path
 from steerlab.sim.calibration_set import load_calibration_set
-from steerlab.sim.labelling import labelled_step
+from steerlab.sim.records import labelled_step
 from steerlab.teleop.devices.contract import DeviceInfo, InputKind
 from steerlab.teleop.drives.replay import Replay
 from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder

@@ -6,9 +6,9 @@ import pytest
 from rerun.chunk import RrdReader
 
 from steerlab.sim.errors import NoRenderer
-from steerlab.study import replay as replay_module
-from steerlab.study.recording.errors import RecordingUnavailable
-from steerlab.study.replay import ReplayConfig, oracle_path, replay
+from steerlab.study.recording import replay as replay_module
+from steerlab.study.recording.replay import ReplayConfig, oracle_path, replay
+from steerlab.study.recording.viewer import RecordingUnavailable
 
 BARE = ReplayConfig(pictures=False)
 

@@ -8,8 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from steerlab.sim.labelling import labelled_step
-from steerlab.sim.records import step_from_row
+from steerlab.sim.records import labelled_step, step_from_row
 from steerlab.study.recording.session_recorder import SessionRecorder
 from steerlab.study.recording.writer import RecordingError, WriterThread
 from steerlab.study.store.connection import StoreConnection, connect

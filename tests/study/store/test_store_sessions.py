@@ -12,8 +12,8 @@ from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import Driver, InvalidRecord, LabelledStep
 from steerlab.sim.world import WorldSpec
 from steerlab.study.store.connection import connect
-from steerlab.study.store.erasure import erase_rows
 from steerlab.study.store.errors import StoreError
+from steerlab.study.store.people import erase_rows
 from steerlab.study.store.records import TIMING_SCHEMA, Event, Flag, SessionRecord, StoredRollout
 from steerlab.study.store.store import StudyStore
 from steerlab.teleop.timing import StepTiming

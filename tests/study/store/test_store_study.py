@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from steerlab.study.store.answers import insert_note, insert_response, read_notes, read_responses
 from steerlab.study.store.audit import append_audit, broken_at, entry_sha256, read_audit
 from steerlab.study.store.connection import connect
-from steerlab.study.store.erasure import erase_rows, scrub
 from steerlab.study.store.errors import StoreError
 from steerlab.study.store.frozen import (
     Instrument,
@@ -26,6 +25,7 @@ from steerlab.study.store.people import (
     Departure,
     Enrolment,
     PhaseAct,
+    erase_rows,
     insert_enrolment,
     insert_link,
     insert_phase_event,
@@ -33,6 +33,7 @@ from steerlab.study.store.people import (
     read_enrolments,
     read_link_owner,
     read_phase_events,
+    scrub,
 )
 from steerlab.study.store.store import StudyStore
 

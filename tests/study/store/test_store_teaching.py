@@ -10,9 +10,14 @@ from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import Driver, InvalidRecord, LabelledStep
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.world import WorldSpec
-from steerlab.study.store.erasure import erase_rows
 from steerlab.study.store.errors import StoreError
-from steerlab.study.store.people import Enrolment, PhaseAct, insert_enrolment, insert_phase_event
+from steerlab.study.store.people import (
+    Enrolment,
+    PhaseAct,
+    erase_rows,
+    insert_enrolment,
+    insert_phase_event,
+)
 from steerlab.study.store.records import StoredRollout
 from steerlab.study.store.store import StudyStore
 from steerlab.study.store.teaching import (

@@ -10,18 +10,13 @@ from steerlab.sim.errors import InvalidValue
 from steerlab.study.surveys.answer_format import (
     Choice,
     FreeText,
+    InvalidAnswer,
     Likert,
     Number,
     Option,
     Slider,
 )
-from steerlab.study.surveys.questionnaire import (
-    InvalidAnswer,
-    Item,
-    Questionnaire,
-    Scale,
-    UnknownItem,
-)
+from steerlab.study.surveys.questionnaire import Item, Questionnaire, Scale, UnknownItem
 
 FIVE = Likert(low=1, high=5, anchors=((1, "no"), (5, "yes")))
 ONES = tuple((value, "x") for value in range(1, 13))

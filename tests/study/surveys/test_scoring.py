@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steerlab.sim.errors import InvalidValue
-from steerlab.study.surveys.questionnaire import InvalidAnswer
+from steerlab.study.surveys.answer_format import InvalidAnswer
 from steerlab.study.surveys.scoring import keyed, keyed_table, score
 
 

@@ -14,14 +14,13 @@ from steerlab.sim.tasks import Task, make_task
 from steerlab.sim.world import WorldSpec
 from steerlab.study.contract import Phase, PhaseKind, Role
 from steerlab.study.models import frozen_model, person_file
-from steerlab.study.new import new_study
 from steerlab.study.runner import RunConfig
 from steerlab.study.scripted import ScriptedParticipant
 from steerlab.study.store.store import StudyStore
 from steerlab.study.study import Study
+from steerlab.study.study_folder import new_study
 from steerlab.study.teaching import run_teaching
-from steerlab.study.teaching.request import TeachingResult, TeachRequest
-from steerlab.study.teaching.study_teaching import StudyTeaching
+from steerlab.study.teaching.contract import StudyTeaching, TeachingResult, TeachRequest
 
 CHANGES = (
     ("rollouts = 12 ", 'rollouts = ["calibration-05", "calibration-07"] '),  # the shortest

@@ -10,11 +10,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from steerlab.learning.agents import catalogue, hg_dagger
-from steerlab.learning.agents.common import TeacherDrives
+from steerlab.learning.agents import catalogue, gates, label_rules
+from steerlab.learning.agents.contract import Agent
 from steerlab.learning.agents.drive import RoundDrive
+from steerlab.learning.agents.gates import TeacherDrives
 from steerlab.learning.agents.learner import PolicyLearner
-from steerlab.learning.agents.play import play
+from steerlab.learning.agents.offline import play
 from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.agents.teaching import BallNeverReached
 from steerlab.learning.checkpoint import load_mapper
@@ -27,7 +28,7 @@ from steerlab.sim.records import Driver, table_from_steps
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.tasks import NAMED_TASKS
 from steerlab.study.contract import PhaseKind, PhaseState
-from steerlab.study.protocol import CONDITIONS
+from steerlab.study.protocol import CONDITIONS, TASKS
 from steerlab.study.protocol_file import parse_protocol
 from steerlab.study.runner import RunConfig
 from steerlab.study.store.people import PhaseAct, insert_phase_event
@@ -39,13 +40,12 @@ from steerlab.study.store.teaching import (
     read_tried,
 )
 from steerlab.study.study import Study
-from steerlab.study.teaching import conditions, plan, run_teaching, teaching_log
+from steerlab.study.teaching import conditions, run_teaching, teaching_log
 from steerlab.study.teaching.conditions import TAUGHT, TeacherAction
-from steerlab.study.teaching.episodes import episode_of, rerender_observations
+from steerlab.study.teaching.contract import TeachingError, all_teachings
 from steerlab.study.teaching.live_round import GateDecides, make_live_round
-from steerlab.study.teaching.request import TeachingError
 from steerlab.study.teaching.scripted_interface import LiveScriptedDevice
-from steerlab.study.teaching.study_teaching import all_teachings
+from steerlab.study.teaching.teaching_log import episode_of, rerender_observations
 from steerlab.teleop.devices.contract import DeviceError, DeviceInfo, DeviceSample, InputKind
 from steerlab.teleop.devices.trace import TraceDevice
 from steerlab.teleop.loop import LabelSink, NullClock, run_drive
@@ -183,7 +183,7 @@ def test_what_can_be_taught_is_what_there_is():
     left = set(catalogue.LEARNERS) - {one.learner for one in TAUGHT.values()}
     assert {name for name in left if not name.startswith("mapped:")} == {"dagger-beta"}
     assert CONDITIONS[:3] == ("mind_meld", "bc", "dagger")
-    assert plan.TASKS == NAMED_TASKS
+    assert TASKS == NAMED_TASKS
     assert set(conditions._BEFORE) == set(conditions._DURING) == set(TeacherAction)
 
 
@@ -243,10 +243,10 @@ def test_a_scripted_person_takes_over_when_it_is_dangerous(teach, store, short_w
     monkeypatch.setitem(
         catalogue.PLAIN,
         "hg-dagger",
-        lambda: hg_dagger.Agent(
+        lambda: Agent(
             name="hg-dagger",
-            gate=hg_dagger.RiskGate(take=0.05, give_back=0.01),
-            rule=hg_dagger.WhereTeacherDrives(),
+            gate=gates.RiskGate(take=0.05, give_back=0.01),
+            rule=label_rules.WhereTeacherDrives(),
         ),
     )
     teach("hg_dagger")
@@ -358,7 +358,7 @@ from steerlab.study.runner import RunConfig
 from steerlab.study.scripted import ScriptedParticipant
 from steerlab.study.study import Study
 from steerlab.study.teaching import run_teaching, teaching_log
-from steerlab.study.teaching.study_teaching import all_teachings
+from steerlab.study.teaching.contract import all_teachings
 
 run_teaching.make_task = short_task
 count = 0

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from steerlab.learning.agents import PolicyLearner, make_agent
-from steerlab.learning.agents.common import TeacherDrives
 from steerlab.learning.agents.drive import RoundDrive
+from steerlab.learning.agents.gates import TeacherDrives
 from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.agents.teaching_contract import AfterRest
 from steerlab.sim.errors import SteerlabError
@@ -21,9 +21,9 @@ from steerlab.study.study import Study
 from steerlab.study.teaching import run_teaching
 from steerlab.study.teaching.conditions import FIRST_DURING, TAUGHT
 from steerlab.study.teaching.human_interface import HumanInterface
+from steerlab.teleop.attempt import SessionConfig
 from steerlab.teleop.devices.contract import Button, DeviceInfo, DeviceSample, InputKind
 from steerlab.teleop.screen.contract import Act
-from steerlab.teleop.session import SessionConfig
 from tests.teleop.display import Display
 
 MS = 1_000_000

@@ -12,8 +12,7 @@ from steerlab.teleop.devices.profile import (
     WheelProfile,
     this_system,
 )
-from steerlab.teleop.devices.profile_folder import StoredProfile
-from steerlab.teleop.devices.profile_toml import profile_sha256, profile_to_toml
+from steerlab.teleop.devices.profile_folder import StoredProfile, profile_sha256, profile_to_toml
 from steerlab.teleop.sdl import SdlEvents
 
 

@@ -9,7 +9,7 @@ from steerlab.teleop.devices.calibration import STAGES, WheelCalibration, Wizard
 from steerlab.teleop.devices.contract import Button
 from steerlab.teleop.devices.joystick import JoystickInfo, RawSample
 from steerlab.teleop.devices.measuring import Motion, WizardConfig
-from steerlab.teleop.devices.wizard_pages import wizard_page
+from steerlab.teleop.devices.wizard import wizard_page
 
 INFO = JoystickInfo(name="Odd wheel", guid="a" * 32, vendor=1, product=2, axes=4, buttons=8)
 

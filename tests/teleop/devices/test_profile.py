@@ -20,15 +20,13 @@ from steerlab.teleop.devices.profile import (
 from steerlab.teleop.devices.profile_folder import (
     StoredProfile,
     find_profile,
+    profile_from_toml,
+    profile_sha256,
+    profile_to_toml,
     save_profile,
     shipped_profiles,
     user_profile_folder,
     user_profiles,
-)
-from steerlab.teleop.devices.profile_toml import (
-    profile_from_toml,
-    profile_sha256,
-    profile_to_toml,
 )
 
 RAW = st.floats(-1.0, 1.0)

@@ -7,7 +7,7 @@ from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.geometry import Pose2D
 from steerlab.teleop.screen.config import ScreenConfig
 from steerlab.teleop.screen.contract import Page
-from steerlab.teleop.screen.drive_screen import DriveScreen, open_screen
+from steerlab.teleop.screen.drive_screen import DriveScreen
 from steerlab.teleop.screen.palette import GROUND
 from steerlab.teleop.sdl import pygame
 
@@ -208,7 +208,7 @@ def test_a_picture_that_cannot_be_made_leaves_none_open(events, open_world, view
 @pytest.mark.render
 def test_the_world_in_the_window_is_the_world(events, open_world, view, pixels):
     pose = Pose2D(5.0, 1.0, 0.1)
-    with open_screen(events, ScreenConfig(frame_budget_ms=1e6)) as screen:
+    with DriveScreen(events, ScreenConfig(frame_budget_ms=1e6)) as screen:
         screen.enter(open_world)
         screen.show_drive(view(pose=pose))
         shown = pixels(screen.window.surface)

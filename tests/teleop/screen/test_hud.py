@@ -9,8 +9,8 @@ from steerlab.teleop.screen import hud as hud_module
 from steerlab.teleop.screen import shapes
 from steerlab.teleop.screen.hud import Hud
 from steerlab.teleop.screen.palette import ACCENT, GOAL, WORDS
-from steerlab.teleop.screen.pips import pips
 from steerlab.teleop.screen.text import Typesetter
+from steerlab.teleop.screen.widgets import pips
 from steerlab.teleop.sdl import pygame
 
 BALL = (30.0, 0.0)

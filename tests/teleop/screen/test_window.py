@@ -1,11 +1,11 @@
 import pytest
 
 from steerlab.sim.errors import InvalidConfig
-from steerlab.teleop.screen import window as window_module
+from steerlab.teleop.screen import drive_screen
 from steerlab.teleop.screen.config import ScreenConfig
 from steerlab.teleop.screen.contract import Act
 from steerlab.teleop.screen.display_loss import DisplayLost, outlive_display
-from steerlab.teleop.screen.window import Window
+from steerlab.teleop.screen.drive_screen import Window
 from steerlab.teleop.sdl import NoDisplay, SdlEvents, pygame
 
 
@@ -70,11 +70,11 @@ def test_the_size_is_as_asked(events):
 
 def test_sdl_does_not_show_the_window_through_opengl(window, monkeypatch):
     """It would not notice that MuJoCo makes another context current between two frames."""
-    assert window_module.os.environ["SDL_FRAMEBUFFER_ACCELERATION"] == "0"
+    assert drive_screen.os.environ["SDL_FRAMEBUFFER_ACCELERATION"] == "0"
 
 
 def test_a_lost_display_is_said_at_the_next_look(window, monkeypatch):
-    monkeypatch.setattr(window_module, "display_is_lost", lambda: True)
+    monkeypatch.setattr(drive_screen, "display_is_lost", lambda: True)
     with pytest.raises(DisplayLost, match="Every step until then is kept"):
         window.acts()
     with pytest.raises(DisplayLost):

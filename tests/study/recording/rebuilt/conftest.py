@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from steerlab.sim.calibration_set import load_calibration_set
-from steerlab.sim.labelling import labelled_step
-from steerlab.sim.records import Driver
+from steerlab.sim.records import Driver, labelled_step
 from steerlab.study.store.records import Event, Flag, SessionRecord, StoredRollout
 from steerlab.study.store.store import StudyStore
 

@@ -38,11 +38,10 @@ def test_left_is_up_and_unknown_wheels_have_no_way():
 
 
 def test_missing_values_leave_gaps(study):
-    from steerlab.study.recording.attempt_data import read_attempt
     from steerlab.study.recording.rebuild import open_study
 
     with open_study(study) as store:
-        data = read_attempt(store, store.attempts()[0])
+        data = store.attempt_data(store.attempts()[0])
     gaps = [step.step for step in data.steps if isnan(layout.wheels(step)[0])]
     assert gaps == [5, 6, 7]
     assert layout.timing_ms(data.times[1]) == pytest.approx((0.04, 2.0))

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from steerlab.study.recording.attempt_data import read_attempt
-from steerlab.study.recording.errors import RecordingUnavailable
 from steerlab.study.recording.rebuild import open_study, rebuild_recording
 from steerlab.study.recording.scene import about
+from steerlab.study.recording.viewer import RecordingUnavailable
 from steerlab.study.store.records import StoredRollout
 from steerlab.study.store.store import StudyStore
 
@@ -51,7 +50,7 @@ def test_a_recording_holds_what_the_database_holds(study, tmp_path):
     (attempt,) = rebuild_recording(study, out, participant="P01", rollout="calibration-00")
     assert attempt.key == ("P01", "calibration-00", 0)
     with open_study(study) as store:
-        steps = read_attempt(store, attempt).steps
+        steps = store.attempt_data(attempt).steps
     wheels = rows(out, "/wheels")
     lines = values(wheels, "Scalars:scalars")
     assert len(lines) == 30
@@ -165,7 +164,7 @@ def test_the_database_itself_serves_as_path(study, tmp_path):
 
 def test_what_a_reader_must_know(study):
     with open_study(study) as store:
-        data = read_attempt(store, store.attempts()[0])
+        data = store.attempt_data(store.attempts()[0])
     text = about(data)
     for word in (
         "P01",
@@ -183,7 +182,7 @@ def test_what_a_reader_must_know(study):
 
 def test_the_drive_begins_at_its_first_step_or_at_the_worlds_start(study):
     with open_study(study) as store:
-        data = read_attempt(store, store.attempts()[0])
+        data = store.attempt_data(store.attempts()[0])
     assert data.start.x_m == data.steps[0].x_m
     assert isinstance(data.rollout, StoredRollout)
     assert replace(data, steps=[]).start == data.rollout.world.start

@@ -11,7 +11,7 @@ from steerlab.analysis.taught_drives import (
     write_taught_drives,
 )
 from steerlab.sim.tasks import make_task
-from steerlab.study.recording.errors import RecordingUnavailable
+from steerlab.study.recording.viewer import RecordingUnavailable
 
 LEARNERS = ("dagger", "mapped:person_gain")
 
