@@ -8,7 +8,6 @@ from time import perf_counter
 from typing import Any
 
 from steerlab.analysis.study_data.conditions_file import left_out_teachers, read_conditions
-from steerlab.analysis.study_data.networks import Progress
 from steerlab.analysis.study_data.population import is_population_run, read_population
 from steerlab.analysis.study_data.records import ConditionValue, Exclusion, NotAStudy, StudyData
 from steerlab.analysis.study_data.study import read_study
@@ -18,6 +17,7 @@ from steerlab.analysis.study_tables.report import AnalysisReport, render_analysi
 from steerlab.analysis.study_tables.tables import AnalysisConfig, analyse
 from steerlab.sim.files.output_folder import OutputError, output_folder
 from steerlab.sim.files.provenance import versions
+from steerlab.sim.progress import Progress
 from steerlab.study.store.store import STUDY_FILE
 
 REPORT, PAGE, TABLES, SUMMARY = "report", "index.html", "tables.json", "summary.json"

@@ -30,11 +30,12 @@ from steerlab.learning.label_file import read_label_columns
 from steerlab.learning.label_table import LabelScale, LabelTable, label_table
 from steerlab.learning.presets import preset
 from steerlab.learning.splits import FoldPlan, plan_folds
-from steerlab.learning.training_budget import Progress, fit_within_budget
+from steerlab.learning.training_budget import fit_within_budget
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.files.output_folder import output_folder
 from steerlab.sim.files.provenance import versions
+from steerlab.sim.progress import Progress
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 

@@ -17,6 +17,7 @@ from steerlab.app.doctor import CheckResult
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.machine import load_average
+from steerlab.sim.progress import Progress, ShareProgress
 from steerlab.sim.records import LabelledStep
 from steerlab.sim.vehicle import WHEEL_LIMIT
 from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
@@ -124,7 +125,7 @@ def check_loop(
     screen: Screen | None,
     recorder: Recorder,
     participant: str,
-    progress: Callable[[float], None] = lambda share: None,
+    progress: ShareProgress = lambda share: None,
 ) -> LoopCheck:
     """Replay the calibration set for some seconds, with all parts of a session but a person.
 
@@ -244,7 +245,7 @@ def _until_heard(device: WheelDevice, poll: Callable[[], None]) -> None:
 
 def _drive_drawer(
     screen: Screen, drive: Drive, device: WheelDevice, clock: WallClock
-) -> Callable[[float], None]:
+) -> ShareProgress:
     """What draws the drive at a fraction of a control step, 0 to 1."""
 
     def show(fraction: float) -> None:
@@ -265,9 +266,7 @@ def _drive_drawer(
     return show
 
 
-def examine_loop(
-    folder: Path, seconds: float, progress: Callable[[str, float], None]
-) -> list[CheckResult]:
+def examine_loop(folder: Path, seconds: float, progress: Progress) -> list[CheckResult]:
     """Run the loop for some seconds; without a display only the control steps are judged.
 
     Args:
@@ -287,7 +286,7 @@ def measure_loop(
     events: SdlEvents,
     screen: Screen | None,
     seconds: float,
-    progress: Callable[[float], None] = lambda share: None,
+    progress: ShareProgress = lambda share: None,
 ) -> LoopCheck:
     """Run the loop with a session recorder; leaves a study in ``folder``."""
     info = SessionInfo(

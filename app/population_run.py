@@ -1,6 +1,6 @@
 """A calibration study with scripted teachers: label, fit, calibrate, score."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Literal, get_args
@@ -19,13 +19,11 @@ from steerlab.sim.arrays import FloatArray
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.populations import PopulationKind, sample_population
+from steerlab.sim.progress import Progress
 from steerlab.sim.records import labelled_table
 from steerlab.sim.rollout import Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.teleop.loop import label_rollout
-
-Progress = Callable[[str, float], None]
-"""Told what is being done and which share of it is, 0 to 1."""
 
 Ladder = Literal["full", "quick"]
 """Which baselines: all, or those that need no further training of a network."""

@@ -16,7 +16,6 @@ from steerlab.analysis.power_study.design import PowerDesign
 from steerlab.analysis.power_study.report import PowerCurve, PowerReport, render_power
 from steerlab.analysis.power_study.simulated_studies import BLOCK, add_up, run_block
 from steerlab.analysis.study_data.conditions_file import read_conditions
-from steerlab.analysis.study_data.networks import Progress
 from steerlab.analysis.study_data.records import NotAStudy
 from steerlab.analysis.study_tables.conditions import outcome_table
 from steerlab.sim.arrays import FloatArray
@@ -26,6 +25,7 @@ from steerlab.sim.files.output_folder import OutputError
 from steerlab.sim.files.provenance import versions
 from steerlab.sim.files.run_folder import open_run_folder, write_json, write_text
 from steerlab.sim.files.structured import json_values, structured, utf8_text, within_file
+from steerlab.sim.progress import Progress
 
 RUN_FILE, BLOCKS, SCHEMA = "power.json", "blocks", 1
 Taught = tuple[tuple[str, ...], FloatArray]

@@ -25,12 +25,7 @@ from steerlab.analysis.mapper_report import (
     render_report,
 )
 from steerlab.analysis.summary import SPLITS, SplitSummary, StyleSummary, Summary
-from steerlab.app.population_run import (
-    PopulationResult,
-    PopulationRunConfig,
-    Progress,
-    run_population,
-)
+from steerlab.app.population_run import PopulationResult, PopulationRunConfig, run_population
 from steerlab.learning.checkpoint import save_mapper
 from steerlab.learning.probe import style_parameters
 from steerlab.sim.calibration_set import load_calibration_set
@@ -40,6 +35,7 @@ from steerlab.sim.errors import NoRenderer
 from steerlab.sim.files.output_folder import output_folder
 from steerlab.sim.files.provenance import versions
 from steerlab.sim.ground_truth import Planner
+from steerlab.sim.progress import Progress
 from steerlab.sim.rollout import Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.sim.shards import write_shard

@@ -16,10 +16,10 @@ from steerlab.analysis.synthetic_report import (
 from steerlab.learning.checkpoint import save_mapper
 from steerlab.learning.synthetic.drives import WHEEL_PER_RAD, SyntheticDrive, Timing, label_drives
 from steerlab.learning.synthetic.experiment import SyntheticConfig, SyntheticResult, run_synthetic
-from steerlab.learning.training_budget import Progress
 from steerlab.sim.files.output_folder import output_folder
 from steerlab.sim.files.provenance import versions
 from steerlab.sim.populations import PAPER
+from steerlab.sim.progress import Progress
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 
 _PROBED = {"gain": "log_gain", "delay": "delay_s"}  # summary name: what the probe calls it

@@ -1,6 +1,6 @@
 """``steerlab teach``: the downstream comparison, a shard a teacher, then summary and report."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -13,9 +13,9 @@ from steerlab.app.teach_shards import part_of, read_shard, shard_path
 from steerlab.app.teach_units import missing_units, run_units
 from steerlab.sim.files.provenance import versions
 from steerlab.sim.files.run_folder import open_run_folder, write_json, write_text
+from steerlab.sim.progress import Progress, ShareProgress
 from steerlab.sim.world import WorldSpec
 
-Progress = Callable[[str, float], None]
 RUN_FILE = "teach.json"
 RECORDINGS = "recordings"
 PARTS = ("models", "teachers", "policies", RECORDINGS, "report")
@@ -93,7 +93,7 @@ def write_recordings(
     learners: Sequence[str],
     world: WorldSpec,
     out: Path,
-    progress: Callable[[float], None],
+    progress: ShareProgress,
 ) -> list[str]:
     """Write ``recordings/<teacher>.rrd`` under ``out`` for every teacher who was judged.
 

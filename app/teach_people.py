@@ -1,6 +1,6 @@
 """Who teaches, and the mappers that know them: trained on other people, frozen, then calibrated."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.files.run_folder import keeping
 from steerlab.sim.populations import sample_population
+from steerlab.sim.progress import Progress
 from steerlab.sim.records import labelled_table
 from steerlab.sim.rollout import Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherStyle
@@ -23,7 +24,6 @@ from steerlab.sim.wide_population import sample_wide
 from steerlab.teleop.loop import label_rollout
 
 Person = ScriptedTeacher | UnusualTeacher
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,6 +1,6 @@
 """The work of a comparison, unit by unit, here or shared by processes; each is kept when done."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
@@ -37,9 +37,8 @@ from steerlab.sim.engine.gl import draw_without_threads
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.machine import worker_count
 from steerlab.sim.files.run_folder import write_json
+from steerlab.sim.progress import Progress, ShareProgress
 from steerlab.sim.unusual_teachers import UnusualTeacher
-
-Progress = Callable[[str, float], None]
 
 
 class WorkerLost(SteerlabError):
@@ -87,7 +86,7 @@ class UnitRunner:
         self._teacher = ""  # whose demonstrations are kept, by seed
         self._shown: dict[int, tuple[Episode, int]] = {}
 
-    def run(self, unit: Unit, progress: Callable[[float], None]) -> TaughtUnit:
+    def run(self, unit: Unit, progress: ShareProgress) -> TaughtUnit:
         """Teach one learner.
 
         A teacher who cannot demonstrate, or whose labels make training diverge, is left out with
@@ -117,9 +116,7 @@ class UnitRunner:
             )
         return self._shown[unit.seed]
 
-    def _teach(
-        self, unit: Unit, demonstration: Episode, progress: Callable[[float], None]
-    ) -> dict[str, Any]:
+    def _teach(self, unit: Unit, demonstration: Episode, progress: ShareProgress) -> dict[str, Any]:
         first = unit.seed == 0
         try:
             learner, results = teach_offline(

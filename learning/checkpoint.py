@@ -1,21 +1,19 @@
 """Model files: safetensors, with the configuration as JSON in the header. Never pickle."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 from torch import Tensor
 
 from steerlab.learning.certainty import Calibrated
-from steerlab.learning.errors import InvalidCheckpoint, InvalidLabels
+from steerlab.learning.errors import InvalidCheckpoint
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.mind_meld import MindMeld
 from steerlab.learning.presets import MapperConfig
-from steerlab.learning.tensor_file import read_tensors, without_prefix
+from steerlab.learning.tensor_file import read_tensors, without_prefix, write_tensors
 from steerlab.sim.arrays import FloatArray
-from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.files.reading import reading
 
 FORMAT = "steerlab.mind_meld"
 FORMAT_VERSION = 2  # 1 knew no certainty of embeddings
@@ -49,8 +47,7 @@ def save_mapper(mapper: MindMeldMapper, path: Path) -> None:
             for person, calibration in zip(mapper.calibrated, calibrated, strict=True)
         },
     }
-    contiguous = {name: value.contiguous() for name, value in tensors.items()}
-    save_file(contiguous, path, metadata={"steerlab": json.dumps(header)})
+    write_tensors(tensors, header, path)
 
 
 def load_mapper(path: Path) -> MindMeldMapper:
@@ -69,7 +66,7 @@ def load_mapper(path: Path) -> MindMeldMapper:
             f"{path} has format version {header.get('version')!r}; this steerlab reads "
             f"{FORMAT_VERSION}. Fit the mapper again or use the steerlab that wrote it."
         )
-    try:
+    with reading(path, "a MIND MELD model", InvalidCheckpoint, "Fit the mapper again."):
         config = MapperConfig.from_dict(header["config"])
         people, seed = [str(person) for person in header["people"]], int(header["seed"])
         network = MindMeld(config.network, torch.Generator().manual_seed(0))
@@ -97,18 +94,6 @@ def load_mapper(path: Path) -> MindMeldMapper:
                 strict=True,
             )
         }
-    except InvalidCheckpoint:
-        raise
-    except (
-        InvalidConfig,
-        InvalidLabels,
-        AttributeError,
-        KeyError,
-        TypeError,
-        ValueError,
-        RuntimeError,
-    ) as error:
-        raise InvalidCheckpoint(f"{path} does not fit its own header: {error}") from error
     return MindMeldMapper.from_trained(config, seed, network, training, by_person, calibrated)
 
 

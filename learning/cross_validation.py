@@ -1,6 +1,6 @@
 """Fit and score fold by fold; pool what was predicted for labels that were held out."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
@@ -17,13 +17,13 @@ from steerlab.learning.series import LabelSeries
 from steerlab.learning.splits import FoldPlan, StudySplit, some_names
 from steerlab.learning.training_budget import (
     MOST_TRAINING_LABELS,
-    Progress,
     fit_long_enough,
     valid_labels,
     with_enough_steps,
     within_budget,
 )
 from steerlab.sim.arrays import FloatArray
+from steerlab.sim.progress import Progress, ShareProgress
 
 MIND_MELD = "mind_meld"
 
@@ -145,7 +145,7 @@ def _score(
     fold: StudySplit,
     number: int,
     sums: dict[str, dict[str, LabelSums]],
-    on_share: Callable[[float], None],
+    on_share: ShareProgress,
 ) -> list[Prediction]:
     """Add what the fold holds out to ``sums``, by split and baseline; MIND MELD's predictions."""
     predictions: list[Prediction] = []

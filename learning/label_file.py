@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.series import CONTEXT
 from steerlab.sim.arrays import BoolArray, FloatArray
+from steerlab.sim.files.reading import reading
 
 IntArray = NDArray[np.int64]
 
@@ -54,7 +55,11 @@ def read_label_columns(path: Path) -> LabelColumns:
     Raises:
         InvalidLabels: the file cannot be read, lacks a column, or a column holds what it may not.
     """
-    table = _table(path)
+    with reading(path, "a table of labels", InvalidLabels, "See docs/fit.md for what it may hold."):
+        return _columns(_table(path), path)
+
+
+def _columns(table: pa.Table, path: Path) -> LabelColumns:
     ours = "participant" in table.column_names and "person" not in table.column_names
     if ours:
         table = table.rename_columns([_OUR_NAMES.get(n, n) for n in table.column_names])
@@ -102,16 +107,12 @@ def _table(path: Path) -> pa.Table:
     if not path.is_file():
         what = "a folder" if path.is_dir() else "not there"
         raise InvalidLabels(f"{path} is {what}; give a .csv or .parquet file of labels.")
-    try:
-        if path.suffix.lower() == ".parquet":
-            return pyarrow.parquet.read_table(path)
-        if path.suffix.lower() == ".csv":
-            types = {name: pa.string() for name in _TEXT}  # "007" is a name, not the number 7
-            options = pyarrow.csv.ConvertOptions(column_types=types)
-            return pyarrow.csv.read_csv(path, convert_options=options)
-    except (pa.ArrowException, OSError) as error:
-        cause = " ".join(str(error).split())[:160]
-        raise InvalidLabels(f"{path} cannot be read as a table: {cause}.") from error
+    if path.suffix.lower() == ".parquet":
+        return pyarrow.parquet.read_table(path)
+    if path.suffix.lower() == ".csv":
+        types = {name: pa.string() for name in _TEXT}  # "007" is a name, not the number 7
+        options = pyarrow.csv.ConvertOptions(column_types=types)
+        return pyarrow.csv.read_csv(path, convert_options=options)
     raise InvalidLabels(f"{path.name} is neither .csv nor .parquet; convert or rename it.")
 
 

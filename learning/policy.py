@@ -4,7 +4,6 @@ The state is the paper's: image, velocity and acceleration in the car's own fram
 memorises one world) nor the wheel itself (it confuses causes) is an input.
 """
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal, get_args
@@ -12,14 +11,14 @@ from typing import Literal, get_args
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from steerlab.learning.errors import InvalidCheckpoint, InvalidLabels
-from steerlab.learning.tensor_file import read_tensors
+from steerlab.learning.tensor_file import read_tensors, write_tensors
 from steerlab.learning.training import torch_threads
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.files.reading import reading
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 Frames = NDArray[np.uint8]
@@ -166,7 +165,7 @@ def save_policy(network: PolicyNetwork, path: Path) -> None:
     """Write weights and configuration as safetensors."""
     header = {"format": FORMAT, "version": FORMAT_VERSION, "config": asdict(network.config)}
     tensors = {name: value.contiguous() for name, value in network.state_dict().items()}
-    save_file(tensors, path, metadata={"steerlab": json.dumps(header)})
+    write_tensors(tensors, header, path)
 
 
 def load_policy(path: Path) -> PolicyNetwork:
@@ -181,11 +180,9 @@ def load_policy(path: Path) -> PolicyNetwork:
             f"{path} holds {header.get('format')!r} version {header.get('version')!r}, not "
             f"{FORMAT!r} version {FORMAT_VERSION}; give a policy."
         )
-    try:
+    with reading(path, "a policy", InvalidCheckpoint, "Teach one and save it."):
         fields = dict(header["config"])
         fields["channels"] = tuple(fields["channels"])
         network = PolicyNetwork(PolicyConfig(**fields), torch.Generator().manual_seed(0))
         network.load_state_dict(tensors)
-    except (KeyError, TypeError, ValueError, RuntimeError, InvalidConfig) as error:
-        raise InvalidCheckpoint(f"{path} does not fit its own header: {error}") from error
     return network

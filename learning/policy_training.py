@@ -1,6 +1,5 @@
 """Training a policy between two rounds: a fixed number of steps from the weights it has."""
 
-from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
 from math import cos, isfinite, pi
@@ -14,12 +13,7 @@ from steerlab.learning.policy import Observations, PolicyNetwork
 from steerlab.learning.training import torch_threads
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig, SteerlabError
-
-Progress = Callable[[float], None]
-
-
-def no_progress(share: float) -> None:
-    """A ``Progress`` that ignores the share."""
+from steerlab.sim.progress import ShareProgress, no_progress
 
 
 class TrainingDiverged(SteerlabError, ArithmeticError):
@@ -73,7 +67,7 @@ def train_policy(
     rows: TrainingRows,
     rng: np.random.Generator,
     config: PolicyTrainingConfig,
-    progress: Progress = no_progress,
+    progress: ShareProgress = no_progress,
 ) -> float:
     """Take ``config.steps`` steps of Adam on the weighted mean squared error.
 

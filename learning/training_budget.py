@@ -1,6 +1,6 @@
 """How much MIND MELD is trained on a table of any size: long enough, and on no more than pays."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 
@@ -9,9 +9,7 @@ import numpy as np
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.presets import MapperConfig
 from steerlab.learning.series import LabelSeries
-
-Progress = Callable[[str, float], None]
-"""Told what is being done and which share of it is, 0 to 1."""
+from steerlab.sim.progress import Progress
 
 LEAST_TRAINING_STEPS = 400
 """Small tables give an epoch few batches; below so many steps MIND MELD has hardly begun."""

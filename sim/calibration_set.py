@@ -16,8 +16,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.errors import InvalidConfig, shown
+from steerlab.sim.files.output_folder import OutputError
+from steerlab.sim.files.reading import reading
 from steerlab.sim.files.structured import json_values, structured, within_file
+from steerlab.sim.files.whole_file import whole_file
 from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.world import WorldSpec
 
@@ -70,6 +73,9 @@ def write_rollouts(rollouts: Sequence[Rollout], path: Path, *, made_by: str) -> 
 
     Args:
         made_by: the command and seed that made the rollouts, for the reader of the file.
+
+    Raises:
+        OutputError: it cannot be written; a file that was there is as it was.
     """
     metadata = {
         "format": _FORMAT,
@@ -88,7 +94,14 @@ def write_rollouts(rollouts: Sequence[Rollout], path: Path, *, made_by: str) -> 
     }
     tables = [_table(rollout) for rollout in rollouts]
     table = pa.concat_tables(tables).replace_schema_metadata({_FORMAT: json.dumps(metadata)})
-    pq.write_table(table, path, compression="zstd", compression_level=19)
+    try:
+        with whole_file(path) as part:
+            pq.write_table(table, part, compression="zstd", compression_level=19)
+    except OSError as error:
+        raise OutputError(
+            f"Cannot write {path}: {error.strerror or error}; what was there is as it was. Make "
+            "room, or choose another file."
+        ) from error
 
 
 def read_rollouts(path: Path) -> tuple[Rollout, ...]:
@@ -97,16 +110,18 @@ def read_rollouts(path: Path) -> tuple[Rollout, ...]:
     Raises:
         InvalidConfig: the file is missing, damaged, or not one of ours.
     """
-    try:
+    with reading(path, "a rollout file", InvalidConfig, "Write it again with this steerlab."):
         table = pq.read_table(path)
-    except (OSError, pa.ArrowException) as error:
-        raise InvalidConfig(f"Cannot read rollouts from {path}: {error}.") from error
-    metadata = _metadata(table, path)
-    names = np.asarray(table["rollout"])
-    return tuple(
-        _rollout(name, table.filter(pa.array(names == name)), stored)
-        for name, stored in metadata.rollouts.items()
-    )
+        metadata = _metadata(table, path)
+        names = np.asarray(table["rollout"])
+        if unknown := set(names) ^ set(metadata.rollouts):
+            raise InvalidConfig(
+                f"{path} has rows or metadata of {shown(sorted(map(str, unknown)))}, not both."
+            )
+        return tuple(
+            _rollout(name, table.filter(pa.array(names == name)), stored)
+            for name, stored in metadata.rollouts.items()
+        )
 
 
 def _metadata(table: pa.Table, path: Path) -> _Metadata:

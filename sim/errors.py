@@ -35,7 +35,7 @@ class InvalidValue(InvalidConfig):
         """``says`` takes the place of the words that follow the path."""
         self.path, self.value, self.allowed = path, value, allowed
         self.file, self.line = file, line
-        self._says = says or f" is {_shown(value)}; it must be {allowed}."
+        self._says = says or f" is {shown(value)}; it must be {allowed}."
         where = ", ".join([*([file] if file else []), *([f"line {line}"] if line else [])])
         super().__init__(f"{where}{': ' if where else ''}{path or '$'}{self._says}")
 
@@ -98,7 +98,8 @@ def check_words(path: str, text: str) -> None:
         raise InvalidValue(path, text, "some words")
 
 
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
+    """``value`` as an error shows it: at most 80 characters."""
     try:
         shown = repr(value)
     except ValueError:  # a whole number of more digits than Python writes

@@ -6,6 +6,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from steerlab.sim.errors import shown
+from steerlab.sim.files.reading import reading
 from steerlab.sim.files.whole_file import whole_file
 from steerlab.sim.records import LABELLED_STEP_SCHEMA, SCHEMA_VERSION, InvalidRecord
 
@@ -101,21 +103,17 @@ def _all_finite(column: pa.ChunkedArray) -> bool:
 
 
 def _read_shard(path: Path) -> pa.Table:
-    try:
+    with reading(path, "a Parquet file", InvalidRecord, "Delete it and run its share again."):
         with pq.ParquetFile(path) as shard:
             table = shard.read()
-    except (pa.ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise InvalidRecord(
-            f"{path} is not a readable Parquet file ({reason}); delete it and run its share again."
-        ) from error
-    version = (table.schema.metadata or {}).get(_VERSION_KEY, b"").decode(errors="replace")
-    if version.isdecimal() and int(version) > SCHEMA_VERSION:
-        raise InvalidRecord(
-            f"{path} has label schema {version}, this steerlab reads up to {SCHEMA_VERSION}; "
-            f"upgrade steerlab."
-        )
-    return check_labels(table, str(path))
+        table.validate(full=True)  # texts are UTF-8, among other things
+        version = (table.schema.metadata or {}).get(_VERSION_KEY, b"").decode(errors="replace")
+        if version.isdecimal() and int(version) > SCHEMA_VERSION:
+            raise InvalidRecord(
+                f"{path} has label schema {shown(version)}, this steerlab reads up to "
+                f"{SCHEMA_VERSION}; upgrade steerlab."
+            )
+        return check_labels(table, str(path))
 
 
 def _attempts(shard: pa.Table) -> list[tuple[str, str, int]]:

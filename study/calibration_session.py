@@ -4,11 +4,12 @@ A person sits before a window; a script or a trace needs neither window nor time
 the same loop into the same record.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from steerlab.sim.files.folder_lock import FolderLock
+from steerlab.sim.progress import Progress
 from steerlab.sim.rollout import Rollout
 from steerlab.study.recording.replay import oracle_path, view_of
 from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
@@ -28,17 +29,15 @@ from steerlab.teleop.sdl import SdlEvents
 from steerlab.teleop.session import DriveSession, SessionEnd
 from steerlab.teleop.timing_limits import LoopHealth
 
-Progress = Callable[[str, float], None]
-
 
 @dataclass(frozen=True, kw_only=True)
-class SittingConfig:
-    """How a sitting goes.
+class CalibrationSessionConfig:
+    """How a session goes.
 
     Attributes:
         viewer: also show the drives live in Rerun.
         recordings: write a Rerun recording of each attempt.
-        pictures: draw the camera into the recordings when the sitting is over.
+        pictures: draw the camera into the recordings when the session is over.
         autocentre: a wheel's centring force, 0 to 1; None leaves it alone.
         settings: kept with the session besides those of the display.
     """
@@ -85,7 +84,7 @@ class CalibrationSession:
     role: str
     left: Sequence[Rollout]
     total: int
-    config: SittingConfig
+    config: CalibrationSessionConfig
     lock: FolderLock | None = None
 
     def correct(self, device: str | Device, progress: Progress) -> Corrected:

@@ -5,12 +5,12 @@ from pathlib import Path
 
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.progress import Progress
 from steerlab.sim.rollout import Rollout
 from steerlab.study.calibration_session import (
     CalibrationSession,
+    CalibrationSessionConfig,
     Corrected,
-    Progress,
-    SittingConfig,
 )
 from steerlab.study.store.records import AttemptStatus
 from steerlab.study.store.store import STUDY_FILE, StudyStore
@@ -62,17 +62,17 @@ def correct(folder: Path, device_spec: str, config: CorrectConfig, progress: Pro
             f"rollouts is {config.rollouts}; the calibration set has {len(rollouts)}."
         )
     rollouts = rollouts[: config.rollouts]
-    sitting = CalibrationSession(
+    session = CalibrationSession(
         folder=folder,
         participant=config.participant,
         role=config.role,
         left=rollouts_left(folder, config.participant, rollouts),
         total=config.rollouts,
-        config=SittingConfig(
+        config=CalibrationSessionConfig(
             viewer=config.viewer,
             pictures=config.pictures,
             screen=config.screen,
             session=config.session,
         ),
     )
-    return sitting.correct(device_spec, progress)
+    return session.correct(device_spec, progress)

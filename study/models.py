@@ -1,6 +1,7 @@
 """The network that is trained on training participants and frozen, and each test person's w."""
 
-from collections.abc import Callable, Sequence
+import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -9,7 +10,8 @@ from typing import TYPE_CHECKING
 import pyarrow as pa
 
 from steerlab.learning.series import LabelSeries, series_from_table
-from steerlab.sim.files.whole_file import rename_durably, whole_file
+from steerlab.sim.files.whole_file import rename_durably, whole_file, workspace
+from steerlab.sim.progress import Progress
 from steerlab.study.contract import PhaseKind, PhaseState, Role, Standing, StudyError
 from steerlab.study.progress import ParticipantProgress, everybody, finished_rollouts, progress_of
 from steerlab.study.store.frozen import (
@@ -25,8 +27,6 @@ from steerlab.study.study_folder import MODELS, OpenStudy
 
 if TYPE_CHECKING:
     from steerlab.learning.mapper import MindMeldMapper
-
-ProgressBar = Callable[[str, float], None]
 
 
 def frozen_model(study: OpenStudy) -> FrozenModel | None:
@@ -51,7 +51,7 @@ def training_people(study: OpenStudy) -> list[ParticipantProgress]:
     return people
 
 
-def train(study: OpenStudy, progress: ProgressBar) -> FrozenModel:
+def train(study: OpenStudy, progress: Progress) -> FrozenModel:
     """Train the network on all training people, freeze it, and find each test participant's w.
 
     Raises:
@@ -86,12 +86,14 @@ def train(study: OpenStudy, progress: ProgressBar) -> FrozenModel:
     mapper.fit(series)
     names = [person.view.id for person in people]
     inputs = _fingerprint(series)
-    part = study.folder / MODELS / ".training.part"
-    part.parent.mkdir(exist_ok=True)
-    save_mapper(mapper, part)
-    digest = sha256(part.read_bytes()).hexdigest()
-    file = f"{MODELS}/mind_meld-{digest[:12]}.safetensors"
-    rename_durably(part, study.folder / file)
+    folder = study.folder / MODELS
+    folder.mkdir(exist_ok=True)
+    with workspace(folder / "mind_meld") as room:
+        part = room / "mind_meld.safetensors"
+        save_mapper(mapper, part)
+        digest = sha256(part.read_bytes()).hexdigest()
+        file = f"{MODELS}/mind_meld-{digest[:12]}.safetensors"
+        rename_durably(part, study.folder / file)
     with study.store.connection.transaction("freeze the network", durable=True):
         insert_model(study.store.connection, file=file, sha256=digest, people=names, inputs=inputs)
     frozen = frozen_model(study)
@@ -119,7 +121,7 @@ def load_frozen(study: OpenStudy, model: FrozenModel) -> "MindMeldMapper":
 
 
 def calibrate_participant(
-    study: OpenStudy, participant: str, progress: ProgressBar
+    study: OpenStudy, participant: str, progress: Progress
 ) -> StoredEmbedding:
     """Find a test participant's w, the network frozen, and keep it; trains the network if need be.
 
@@ -175,10 +177,10 @@ def remove_models_of(study: OpenStudy, participant: str) -> None:
     for path in sorted((study.folder / MODELS).glob("*")):  # hidden parts too
         known = path.name.endswith((".safetensors", ".part"))
         if known and (keep is None or not path.name.startswith(keep)):
-            path.unlink()
+            shutil.rmtree(path) if path.is_dir() else path.unlink()  # a workspace, or a file
 
 
-def renew(study: OpenStudy, progress: ProgressBar) -> None:
+def renew(study: OpenStudy, progress: Progress) -> None:
     """After a removal: train anew if enough people are left, and find each w under the new network.
 
     Calling it again changes nothing.
@@ -192,7 +194,7 @@ def renew(study: OpenStudy, progress: ProgressBar) -> None:
         train(study, progress)
 
 
-def _recalibrate(study: OpenStudy, model: FrozenModel, progress: ProgressBar) -> int:
+def _recalibrate(study: OpenStudy, model: FrozenModel, progress: Progress) -> int:
     """Find anew each w that comes from a network that was removed; returns how many there were."""
     known = read_embeddings(study.store.connection)
     count = 0

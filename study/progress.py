@@ -92,18 +92,20 @@ def progress_of(study: OpenStudy, participant: str) -> ParticipantProgress:
     Raises:
         StudyError: nobody is enrolled under that name.
     """
-    enrolled = read_enrolments(study.store.connection)
-    for enrolment in enrolled:
-        if enrolment.participant == participant:
-            return _progress(_Records(study, participant), enrolment)
+    with study.reading():
+        enrolled = read_enrolments(study.store.connection)
+        for enrolment in enrolled:
+            if enrolment.participant == participant:
+                return _progress(_Records(study, participant), enrolment)
     known = ", ".join(enrolment.participant for enrolment in enrolled) or "nobody"
     raise StudyError(f"{participant!r} is not enrolled; enrolled are: {known}.")
 
 
 def everybody(study: OpenStudy) -> list[ParticipantProgress]:
     """How far each participant got, in the order in which they were enrolled."""
-    records = _Records(study)
-    return [_progress(records, enrolment) for enrolment in read_enrolments(study.store.connection)]
+    records, connection = _Records(study), study.store.connection
+    with study.reading():
+        return [_progress(records, enrolment) for enrolment in read_enrolments(connection)]
 
 
 class ProgressCache:

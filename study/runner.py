@@ -1,12 +1,16 @@
 """Running a participant's phases at the wheel, from the last checkpoint on."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.files.folder_lock import RUN_LOCK, FolderLock, locked
-from steerlab.study.calibration_session import CalibrationSession, SittingConfig, practise
+from steerlab.sim.progress import Progress
+from steerlab.study.calibration_session import (
+    CalibrationSession,
+    CalibrationSessionConfig,
+    practise,
+)
 from steerlab.study.contract import PAGES, Phase, PhaseKind, PhaseState, StudyError
 from steerlab.study.progress import ParticipantProgress, finished_rollouts, progress_of
 from steerlab.study.scripted_practice import practise_scripted
@@ -17,8 +21,6 @@ from steerlab.teleop.attempt import SessionConfig
 from steerlab.teleop.devices.contract import Device, InputKind
 from steerlab.teleop.practice import PracticeConfig
 from steerlab.teleop.session import SessionEnd
-
-ProgressBar = Callable[[str, float], None]
 
 
 class PageFiller(Protocol):
@@ -46,7 +48,7 @@ class RunConfig:
     recordings: bool = True
     pages: PageFiller | None = None
     teachings: Teachings = field(default_factory=dict)
-    progress: ProgressBar = lambda what, share: None
+    progress: Progress = lambda what, share: None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,13 +151,13 @@ class _Phase:
         protocol, view = self.place.protocol, self.place.view
         finished = finished_rollouts(self.study, self.place)
         by_name = {rollout.name: rollout for rollout in load_calibration_set()}
-        sitting = CalibrationSession(
+        session = CalibrationSession(
             folder=self.study.folder,
             participant=view.id,
             role=view.role.value,
             left=[by_name[name] for name in protocol.rollouts if name not in finished],
             total=len(protocol.rollouts),
-            config=SittingConfig(
+            config=CalibrationSessionConfig(
                 viewer=self.config.viewer,
                 recordings=self.config.recordings,
                 pictures=False,  # a participant would wait for them; replay draws them
@@ -170,9 +172,9 @@ class _Phase:
             ),
             lock=self.lock,
         )
-        sat = sitting.correct(self.config.device, self.config.progress)
-        said = f"{sat.done} of {sat.total} rollouts corrected"
-        if sat.end is SessionEnd.STOPPED and sat.done < sat.total:
+        corrected = session.correct(self.config.device, self.config.progress)
+        said = f"{corrected.done} of {corrected.total} rollouts corrected"
+        if corrected.end is SessionEnd.STOPPED and corrected.done < corrected.total:
             return False, f"stopped; {said}"
         return self._end(PhaseAct.DONE, said)
 

@@ -1,12 +1,13 @@
 """``Study``: all that the command line and the console do with a study."""
 
 import secrets
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from steerlab.sim.files.folder_lock import RUN_LOCK, locked
+from steerlab.sim.progress import Progress
 from steerlab.study.completeness import session_findings
 from steerlab.study.contract import (
     ParticipantView,
@@ -244,7 +245,7 @@ class Study:
         participant: str,
         *,
         erase: bool,
-        progress: Callable[[str, float], None] = lambda what, share: None,
+        progress: Progress = lambda what, share: None,
     ) -> None:
         """Let a participant leave; erasing takes everything but a tombstone with it.
 
@@ -258,7 +259,8 @@ class Study:
     def findings(self, participant: str | None) -> Sequence[StudyCheck]:
         """Device and timing of a participant's last session; with None, ``verify``'s findings."""
         if participant is not None:
-            return session_findings(self._opened, self._progress.of(participant))
+            with self._opened.reading():
+                return session_findings(self._opened, self._progress.of(participant))
         return self.verify().findings
 
     def verify(self, *, expected_head: str | None = None) -> "Verified":
@@ -277,7 +279,7 @@ class Study:
 
         return run(self._opened, participant, config)
 
-    def train(self, progress: Callable[[str, float], None]) -> "FrozenModel":
+    def train(self, progress: Progress) -> "FrozenModel":
         """Train the network and freeze it.
 
         Raises:

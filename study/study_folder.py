@@ -2,11 +2,15 @@
 
 import json
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from importlib import resources
 from pathlib import Path
 
+from steerlab.sim.files.reading import reading
+from steerlab.sim.files.structured import utf8_text
+from steerlab.sim.files.whole_file import rename_durably, workspace
 from steerlab.study.contract import StudyError
 from steerlab.study.protocol import AnalysisPlan, StudyProtocol
 from steerlab.study.protocol_file import (
@@ -45,20 +49,25 @@ def new_study(folder: Path, template: str) -> None:
     """
     if template not in template_names():
         raise StudyError(f"No template {template!r}; choose one of {', '.join(template_names())}.")
-    for name in (PROTOCOL_FILE, STUDY_FILE):
-        if (folder / name).exists():
-            raise StudyError(f"{folder / name} exists already; choose another folder.")
     source = resources.files("steerlab.assets") / "study_templates" / f"{template}.toml"
     text = source.read_text(encoding="utf-8")
+    protocol = folder / PROTOCOL_FILE
+    begun = protocol.is_file() and utf8_text(protocol) == text  # by a call that was cut off
+    for path in (folder / STUDY_FILE, *(() if begun else (protocol,))):
+        if path.exists():
+            raise StudyError(f"{path} exists already; choose another folder.")
     parse_protocol(text, source.name, study_questionnaires(folder))
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / PROTOCOL_FILE).write_text(text, encoding="utf-8")
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with workspace(folder / "new") as room:
+            (room / PROTOCOL_FILE).write_text(text, encoding="utf-8")
+            StudyStore.create(room / STUDY_FILE).close()
+            for name in (PROTOCOL_FILE, STUDY_FILE):
+                rename_durably(room / name, folder / name)
     except OSError as error:
         raise StudyError(
             f"Cannot write into {folder}: {error.strerror or error}; choose another folder."
         ) from error
-    StudyStore.create(folder / STUDY_FILE).close()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -97,6 +106,11 @@ class OpenStudy:
     store: StudyStore
     questionnaires: Mapping[str, Questionnaire]
     _parsed: dict[int, StudyProtocol] = field(default_factory=dict)
+
+    def reading(self) -> AbstractContextManager[None]:
+        """Whatever a damaged database makes of a block that reads it is a ``StudyError``."""
+        remedy = f"See steerlab study verify {self.folder}, or restore the folder's last copy."
+        return reading(self.folder / STUDY_FILE, "a study", StudyError, remedy)
 
     @classmethod
     def open(cls, folder: Path, *, read_only: bool = False) -> "OpenStudy":

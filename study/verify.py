@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from hashlib import sha256
 from itertools import pairwise
 
@@ -29,6 +30,7 @@ from steerlab.study.study_folder import OpenStudy
 from steerlab.study.withdrawal import traces, unknown_files
 
 PLACEHOLDER = "TO BE REPLACED"
+_RESTORE = "Restore the study folder from its last copy."
 _TAMPERED = "Somebody changed the database outside steerlab; compare it with the last copy."
 
 
@@ -54,24 +56,34 @@ def verify(study: OpenStudy, *, expected_head: str | None = None) -> Verified:
     database, readable = _database(study)
     if not readable:  # nothing that is read from it means anything
         return Verified(findings=(database,), head="")
-    entries = study.store.audit()
-    everyone = everybody(study)
-    checks = [
-        database,
-        *_audit(entries, expected_head),
-        *_answers(study, entries),
-        *_protocol(study),
-        *_orders(study),
-        *_clock(study, entries),
-        *_people(study, everyone),
-        *_devices(study),
-        *_network(study),
-        *_embeddings(study, everyone),
-        *_teaching(study, everyone),
-        *_withdrawals(study),
-        *_attempts(study),
-    ]
-    return Verified(findings=tuple(checks), head=entries[-1].sha256 or "" if entries else "")
+    entries = cache(study.store.audit)
+    everyone = cache(lambda: everybody(study))
+    checks = [database]
+    for what, check in (
+        ("Audit", lambda: _audit(entries(), expected_head)),
+        ("Answers", lambda: _answers(study, entries())),
+        ("Protocol", lambda: _protocol(study)),
+        ("Orders", lambda: _orders(study)),
+        ("Clock", lambda: _clock(study, entries())),
+        ("People", lambda: _people(study, everyone())),
+        ("Devices", lambda: _devices(study)),
+        ("Network", lambda: _network(study)),
+        ("Embeddings", lambda: _embeddings(study, everyone())),
+        ("Teaching", lambda: _teaching(study, everyone())),
+        ("Withdrawal", lambda: _withdrawals(study)),
+        ("Attempts", lambda: _attempts(study)),
+    ):
+        try:
+            with study.reading():
+                checks += check()
+        except SteerlabError as error:  # damage to one part must not hide the others
+            found = f"cannot be checked: {error}"
+            checks.append(StudyCheck(what=what, found=found, ok=False, mend=_RESTORE))
+    try:
+        head = entries()[-1].sha256 or "" if entries() else ""
+    except SteerlabError:  # said above
+        head = ""
+    return Verified(findings=tuple(checks), head=head)
 
 
 def _database(study: OpenStudy) -> tuple[StudyCheck, bool]:
@@ -82,7 +94,7 @@ def _database(study: OpenStudy) -> tuple[StudyCheck, bool]:
         dangling = connection.read("PRAGMA foreign_key_check") if result == "ok" else []
     except StoreError as error:
         result, dangling = str(error), []
-    remedy = "Restore the study folder from its last copy."
+    remedy = _RESTORE
     if result != "ok":
         return StudyCheck(what="Database", found=result, ok=False, mend=remedy), False
     if dangling:

@@ -2,10 +2,10 @@
 
 import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 from steerlab.sim.files.folder_lock import CONSOLE_LOCK, RUN_LOCK, holder_name, locked
+from steerlab.sim.progress import Progress
 from steerlab.study.contract import StudyError
 from steerlab.study.models import remove_models_of, renew
 from steerlab.study.progress import progress_of
@@ -31,9 +31,7 @@ _KNOWN = (
 )
 
 
-def withdraw(
-    study: OpenStudy, participant: str, *, erase: bool, progress: Callable[[str, float], None]
-) -> None:
+def withdraw(study: OpenStudy, participant: str, *, erase: bool, progress: Progress) -> None:
     """Let a participant leave. If a crash cuts it off, calling it again finishes it.
 
     Erasing removes rows, recordings, models, and all exports and reports, rewrites the database

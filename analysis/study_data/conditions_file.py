@@ -11,7 +11,8 @@ import pyarrow.parquet as pq
 
 from steerlab.analysis.study_data.records import ConditionValue, Exclusion, NotAStudy
 from steerlab.analysis.study_data.teach_shard import TeachShard, read_teach_shard
-from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.errors import InvalidConfig, shown
+from steerlab.sim.files.reading import reading
 
 METRICS = ("success", "final_distance_m", "label_mae")
 _KEYS = ("participant", "condition", "round")
@@ -29,11 +30,10 @@ def read_conditions(path: Path) -> tuple[ConditionValue, ...]:
     """
     if path.is_dir():
         return _of_shards(path)
-    try:
-        table = pq.read_table(path) if path.suffix == ".parquet" else pv.read_csv(path)
-    except (OSError, pa.ArrowInvalid) as error:
-        raise NotAStudy(f"{path} cannot be read as a table: {error}") from error
-    return _of_table(table, path)
+    remedy = f"Give a .csv or .parquet table with {_EXAMPLE}."
+    with reading(path, "a table of outcomes", NotAStudy, remedy):
+        parquet = path.suffix.lower() == ".parquet"
+        return _of_table(pq.read_table(path) if parquet else pv.read_csv(path), path)
 
 
 def left_out_teachers(path: Path) -> tuple[Exclusion, ...]:
@@ -52,7 +52,7 @@ def _of_table(table: pa.Table, path: Path) -> tuple[ConditionValue, ...]:
     if missing := [name for name in _KEYS if name not in names]:
         raise NotAStudy(f"{path} lacks {', '.join(missing)}; it needs {_EXAMPLE}.")
     if not metrics:
-        raise NotAStudy(f"{path} has {', '.join(names)}; it needs {_EXAMPLE}.")
+        raise NotAStudy(f"{path} has {shown(names)}; it needs {_EXAMPLE}.")
     values: list[ConditionValue] = []
     seen: set[tuple[str, str, int]] = set()
     for line, row in enumerate(table.to_pylist(), start=2):
@@ -60,7 +60,9 @@ def _of_table(table: pa.Table, path: Path) -> tuple[ConditionValue, ...]:
         key = (_text(row, "participant", where), _text(row, "condition", where))
         round_ = _whole(row["round"], "round", where)
         if (*key, round_) in seen:
-            raise NotAStudy(f"{where}: {key[0]!r} has {key[1]!r} in round {round_} twice.")
+            raise NotAStudy(
+                f"{where}: {shown(key[0])} has {shown(key[1])} in round {round_} twice."
+            )
         seen.add((*key, round_))
         position = row.get("position")
         for metric in metrics:
@@ -128,7 +130,7 @@ def _text(row: Mapping[str, Any], name: str, where: str) -> str:
 
 def _whole(value: Any, name: str, where: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise NotAStudy(f"{where}: {name} is {value!r}; it must be a whole number from 0.")
+        raise NotAStudy(f"{where}: {name} is {shown(value)}; it must be a whole number from 0.")
     return value
 
 
@@ -136,7 +138,7 @@ def _number(value: Any, name: str, where: str) -> float:
     if isinstance(value, bool):
         return float(value)
     if not isinstance(value, int | float) or not np.isfinite(value):
-        raise NotAStudy(f"{where}: {name} is {value!r}; it must be a finite number, or empty.")
+        raise NotAStudy(f"{where}: {name} is {shown(value)}; it must be a finite number, or empty.")
     if name == "success" and not 0.0 <= value <= 1.0:
         raise NotAStudy(f"{where}: success is {value}; it must be from 0 to 1.")
     return float(value)

@@ -1,6 +1,6 @@
 """Networks for an analysis: trained without the held-out rollouts, one a seed, and judged on them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -13,6 +13,7 @@ from steerlab.learning.series import LabelSeries
 from steerlab.learning.splits import StudySplit, split_rollouts, split_study
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.whole_file import whole_file
+from steerlab.sim.progress import Progress
 from steerlab.study.models import frozen_model, load_frozen
 from steerlab.study.study_folder import MODELS, OpenStudy
 
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     from steerlab.learning.mapper import LabelMapper, MindMeldMapper
     from steerlab.learning.presets import MapperConfig
 
-Progress = Callable[[str, float], None]
-"""Is told what is being done, and the share of it that is done, 0 to 1."""
 
 _FEWEST_ROLLOUTS = 3  # of which one is held out
 _FEWEST_PEOPLE = 3

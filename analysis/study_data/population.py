@@ -6,12 +6,13 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from steerlab.analysis.study_data.networks import Progress, embeddings_of, judge_both, network_for
+from steerlab.analysis.study_data.networks import embeddings_of, judge_both, network_for
 from steerlab.analysis.study_data.records import Embeddings, HeldOut, NotAStudy, Person, StudyData
 from steerlab.analysis.summary import Summary
 from steerlab.learning.series import LabelSeries, series_from_table
 from steerlab.learning.splits import split_rollouts, split_study
 from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.progress import Progress
 
 LABELS, MODEL, SUMMARY = "labels", "models/mind_meld.safetensors", "summary.json"
 _SPLITS = ("seen", "new")

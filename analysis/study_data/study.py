@@ -1,12 +1,13 @@
 """A study's folder as ``StudyData``: who counts, which answers and attempts, and the frozen plan."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pyarrow as pa
 
 from steerlab.analysis.study_data.conditions_file import METRICS
-from steerlab.analysis.study_data.networks import Progress, study_networks
+from steerlab.analysis.study_data.networks import study_networks
 from steerlab.analysis.study_data.records import (
     ConditionValue,
     Exclusion,
@@ -17,6 +18,7 @@ from steerlab.analysis.study_data.records import (
 )
 from steerlab.learning.series import LabelSeries, series_from_table
 from steerlab.sim.errors import InvalidConfig, SteerlabError
+from steerlab.sim.progress import Progress
 from steerlab.study.contract import Phase, PhaseKind, PhaseState, Standing
 from steerlab.study.progress import (
     ParticipantProgress,
@@ -47,12 +49,21 @@ def read_study(folder: Path, *, networks: int, progress: Progress) -> StudyData:
         raise InvalidConfig(f"seeds is {networks}; give 0 or more.")
     study = OpenStudy.open(folder, read_only=True)
     try:
-        return _read(study, networks, progress)
+        with study.reading():
+            data = _read(study)
+        notices = list(data.notices)
+        embeddings, held_out = study_networks(
+            study, data.people, data.series, networks, progress, notices
+        )
+        return replace(
+            data, embeddings=tuple(embeddings), held_out=tuple(held_out), notices=tuple(notices)
+        )
     finally:
         study.store.close()
 
 
-def _read(study: OpenStudy, networks: int, progress: Progress) -> StudyData:
+def _read(study: OpenStudy) -> StudyData:
+    """All but what networks make of it."""
     finished = study.store.attempts(AttemptStatus.FINISHED)
     participants = everybody(study)
     exclusions: list[Exclusion] = []
@@ -70,7 +81,6 @@ def _read(study: OpenStudy, networks: int, progress: Progress) -> StudyData:
         _person(study, participant, attempts, notices) for participant, attempts in counted
     )
     series = tuple(_series(study, counted))
-    embeddings, held_out = study_networks(study, people, series, networks, progress, notices)
     simulated = bool(people) and all(set(p.steered_with) == {"scripted"} for p in people)
     devices = sorted({kind for person in people for kind in person.steered_with})
     if len(devices) > 1:
@@ -91,8 +101,6 @@ def _read(study: OpenStudy, networks: int, progress: Progress) -> StudyData:
         series=series,
         questionnaires=study.questionnaires,
         flagged=_flagged(study, counted),
-        embeddings=tuple(embeddings),
-        held_out=tuple(held_out),
         conditions=(
             *_taught_rounds(study, people),
             *(

@@ -9,7 +9,7 @@ from steerlab.app.commands.simulate import simulate_population
 def demo(
     out: Out = Path("steerlab-demo"), seed: Seed = 0, force: Force = False, json: Json = False
 ) -> int:
-    """A small simulated study from end to end, with a report to open; takes about a minute.
+    """A small simulated study from end to end, with a report to open; takes half a minute.
 
     Example: steerlab demo --out my-demo
     """

@@ -1,11 +1,13 @@
 """What commands print: results, where they are, and progress."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any
+
+from steerlab.sim.progress import Progress
 
 if TYPE_CHECKING:
     from steerlab.analysis.summary import Summary
@@ -38,7 +40,7 @@ def print_where(out: Path) -> None:
 
 
 @contextmanager
-def progress_bar(*, time_left: bool = False) -> Iterator[Callable[[str, float], None]]:
+def progress_bar(*, time_left: bool = False) -> Iterator[Progress]:
     """A progress bar on stderr for people; nothing where stderr is no terminal.
 
     Args:

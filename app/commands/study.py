@@ -1,6 +1,5 @@
 """``steerlab study``: a human study from its protocol to its last participant, act by act."""
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -9,6 +8,7 @@ import tyro
 
 from steerlab.app.commands.arguments import TextOrNone, Texts
 from steerlab.app.commands.printing import print_json, progress_bar
+from steerlab.sim.progress import Progress
 
 if TYPE_CHECKING:
     from steerlab.study.contract import ParticipantView, StudyCheck
@@ -227,7 +227,7 @@ class Run:
             report = study.run(participant, config)
         return _print_run(participant, report)
 
-    def _config(self, progress: Callable[[str, float], None]) -> "RunConfig":
+    def _config(self, progress: Progress) -> "RunConfig":
         from steerlab.study.runner import RunConfig
         from steerlab.study.scripted import ScriptedParticipant
         from steerlab.study.teaching.contract import all_teachings

@@ -9,8 +9,9 @@ import numpy as np
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.policy import Observations
-from steerlab.learning.policy_training import Progress, TrainingRows, no_progress
+from steerlab.learning.policy_training import TrainingRows
 from steerlab.sim.arrays import BoolArray, FloatArray
+from steerlab.sim.progress import ShareProgress, no_progress
 from steerlab.sim.records import Driver
 from steerlab.sim.rollout import Outcome, Rollout
 
@@ -33,7 +34,9 @@ class Learner(Protocol):
         """How unsure it is of each row, (rows,); 1 is where it starts to be unsure."""
         ...
 
-    def train(self, episodes: Sequence[TrainingRows], progress: Progress = no_progress) -> float:
+    def train(
+        self, episodes: Sequence[TrainingRows], progress: ShareProgress = no_progress
+    ) -> float:
         """Learn from everything collected so far, one entry an episode; the last mean loss.
 
         Args:

@@ -8,8 +8,8 @@ import numpy as np
 from steerlab.learning.agents.contract import Learner
 from steerlab.learning.agents.task_env import TaskEnv
 from steerlab.learning.policy import Observations, stack
-from steerlab.learning.policy_training import Progress, no_progress
 from steerlab.sim.arrays import FloatArray
+from steerlab.sim.progress import ShareProgress, no_progress
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.tasks import HELD_STEPS, Start
 
@@ -56,7 +56,7 @@ class _Car:
 
 
 def evaluate(
-    env: TaskEnv, learner: Learner, starts: Sequence[Start], progress: Progress = no_progress
+    env: TaskEnv, learner: Learner, starts: Sequence[Start], progress: ShareProgress = no_progress
 ) -> list[DriveResult]:
     """Drive the learner from each of ``starts`` under its noise, without a teacher.
 

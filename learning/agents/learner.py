@@ -18,15 +18,10 @@ from steerlab.learning.policy import (
     hidden_features,
     stack,
 )
-from steerlab.learning.policy_training import (
-    PolicyTrainingConfig,
-    Progress,
-    TrainingRows,
-    no_progress,
-    train_policy,
-)
+from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingRows, train_policy
 from steerlab.sim.arrays import BoolArray, FloatArray
 from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.progress import ShareProgress, no_progress
 
 APART = 1  # decisions: what changes from one to the next in a drive is not new yet
 MOST_ROWS = 4000  # the newest; a tree of more slows a drive down
@@ -184,7 +179,9 @@ class PolicyLearner:
         """(rows,) True where the policy now does what it was taught."""
         return np.abs(self.act(episode.seen) - episode.target) <= LEARNT_WHEEL
 
-    def train(self, episodes: Sequence[TrainingRows], progress: Progress = no_progress) -> float:
+    def train(
+        self, episodes: Sequence[TrainingRows], progress: ShareProgress = no_progress
+    ) -> float:
         """Learn from all episodes, then refit the doubt; the members' last mean loss.
 
         Raises:

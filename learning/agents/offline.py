@@ -27,10 +27,10 @@ from steerlab.learning.agents.teaching_contract import (
     Work,
 )
 from steerlab.learning.policy import PolicyNetwork
-from steerlab.learning.policy_training import no_progress
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.engine.driving import DrivingState
 from steerlab.sim.live_teacher import DriveContext, DrivingStyle, LiveTeacher, Responding
+from steerlab.sim.progress import ShareProgress, no_progress
 from steerlab.sim.records import Driver
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.tasks import HELD_STEPS
@@ -231,7 +231,7 @@ def teach_offline(
     config: TeachingConfig,
     *,
     seed: int,
-    progress: Callable[[float], None],
+    progress: ShareProgress,
 ) -> tuple[PolicyLearner, list[RoundResult]]:
     """Train one learner; starts, noise and initial weights depend on ``seed``, not on the agent.
 

@@ -26,14 +26,10 @@ from steerlab.learning.agents.teaching_contract import (
     TeachingLog,
 )
 from steerlab.learning.policy import PolicyConfig
-from steerlab.learning.policy_training import (
-    PolicyTrainingConfig,
-    Progress,
-    TrainingDiverged,
-    TrainingRows,
-)
+from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingDiverged, TrainingRows
 from steerlab.sim.errors import InvalidConfig, SteerlabError
 from steerlab.sim.live_teacher import DrivingStyle
+from steerlab.sim.progress import ShareProgress
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.tasks import HELD_STEPS, Start
 
@@ -148,7 +144,7 @@ class TeachingLoop:
                 return False
         return self._interface.wait(TRYING, self._evaluate_rest)
 
-    def _remember(self, progress: Progress) -> None:
+    def _remember(self, progress: ShareProgress) -> None:
         """Bring a new learner to where the last round that was kept left it.
 
         It is trained anew on the rows of each round, which also brings back what policies do not
@@ -216,10 +212,10 @@ class TeachingLoop:
         return self._interface.drive(drive)
 
     def _rest(self, number: int, drive: FinishedDrive, learnt: _Learnt) -> AfterRest:
-        def learn(progress: Progress) -> None:
+        def learn(progress: ShareProgress) -> None:
             self._learn(number, drive, learnt, progress)
 
-        def meanwhile(progress: Progress) -> None:
+        def meanwhile(progress: ShareProgress) -> None:
             if self._is_evaluated(number):
                 learnt.drives = self._evaluate(number, learnt.learner, progress)
             self._evaluate_rest(progress)
@@ -227,7 +223,7 @@ class TeachingLoop:
         return self._interface.rest(number, drive.outcome, learn, meanwhile)
 
     def _learn(
-        self, number: int, drive: FinishedDrive, learnt: _Learnt, progress: Progress
+        self, number: int, drive: FinishedDrive, learnt: _Learnt, progress: ShareProgress
     ) -> None:
         """Make targets of the drive and train on them; a drive without any changes nothing."""
         progress(0.0)
@@ -280,13 +276,13 @@ class TeachingLoop:
         return number == config.rounds or number % config.evaluate_every == 0
 
     def _evaluate(
-        self, number: int, learner: PolicyLearner, progress: Progress
+        self, number: int, learner: PolicyLearner, progress: ShareProgress
     ) -> list[DriveResult]:
         judging, last = self._spec.judging, number == self._spec.config.rounds
         starts = judging.at_the_end if last else judging.on_the_way
         return evaluate(self._env, learner, starts, progress)
 
-    def _evaluate_rest(self, progress: Progress) -> None:
+    def _evaluate_rest(self, progress: ShareProgress) -> None:
         """Let the policies of all rounds drive that are kept and have not driven yet."""
         kept = self._log.rounds()
         waiting = [one for one in kept if not one.evaluated and self._is_evaluated(one.number)]

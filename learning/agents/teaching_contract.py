@@ -9,11 +9,12 @@ from steerlab.learning.agents.contract import Episode, Targets
 from steerlab.learning.agents.drive import RoundDrive
 from steerlab.learning.agents.evaluation import DriveResult
 from steerlab.learning.policy import Observations, PolicyNetwork
-from steerlab.learning.policy_training import Progress, TrainingRows
+from steerlab.learning.policy_training import TrainingRows
 from steerlab.sim.live_teacher import DriveContext
+from steerlab.sim.progress import ShareProgress
 from steerlab.sim.rollout import Outcome
 
-Work = Callable[[Progress], None]
+Work = Callable[[ShareProgress], None]
 """Something that takes time and tells how far it is; what telling it raises ends the work."""
 
 

@@ -27,6 +27,7 @@ from steerlab.learning.mapper import LabelMapper, MindMeldMapper
 from steerlab.learning.presets import PAPER, MapperConfig
 from steerlab.learning.pretrained.mapper import SimPretrainedMapper
 from steerlab.learning.splits import StudySplit
+from steerlab.sim.progress import ShareProgress
 from steerlab.sim.scripted_teacher import TeacherStyle
 
 __all__ = [
@@ -54,7 +55,7 @@ def fit_baselines(
     study: StudySplit,
     *,
     seed: int,
-    on_step: Callable[[float], None],
+    on_step: ShareProgress,
     without: Collection[str],
     styles: Mapping[str, TeacherStyle] | None = None,
     paper: MapperConfig = PAPER,

@@ -7,7 +7,6 @@ closed form and then the network. Same seed, same machine, same number of BLAS t
 
 import argparse
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import cos, isfinite, pi
 from pathlib import Path
@@ -45,8 +44,8 @@ from steerlab.learning.pretrained.weights import save_model
 from steerlab.learning.training import torch_threads
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.progress import Progress
 
-Progress = Callable[[str, float], None]
 _AT_ONCE = 100  # people whose features are held at once
 _SPREAD_WEIGHT = 0.1  # the spread must not steer the correction
 

@@ -1,13 +1,11 @@
 """Weights files: safetensors, with sizes and origin as JSON in the header. Never pickle."""
 
-import json
 from dataclasses import asdict
 from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 from torch import Tensor
 
 from steerlab.learning.empirical_bayes.gaussian import Prior
@@ -21,9 +19,9 @@ from steerlab.learning.pretrained.style import (
     StyleEncoder,
 )
 from steerlab.learning.pretrained.teachers import STYLE
-from steerlab.learning.tensor_file import read_tensors, without_prefix
+from steerlab.learning.tensor_file import read_tensors, without_prefix, write_tensors
 from steerlab.sim.arrays import FloatArray
-from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.files.reading import reading
 
 FORMAT = "steerlab.sim_pretrained"
 FORMAT_VERSION = 1
@@ -59,7 +57,7 @@ def save_model(model: PretrainedModel, path: Path) -> None:
         "inverse": {name: getattr(encoder.inverse, name) for name in _SCALARS},
         "forward": {name: getattr(encoder.forward, name) for name in _SCALARS},
     }
-    save_file(tensors, path, metadata={"steerlab": json.dumps(header, sort_keys=True)})
+    write_tensors(tensors, header, path)
 
 
 def load_model(path: Path) -> PretrainedModel:
@@ -74,7 +72,7 @@ def load_model(path: Path) -> PretrainedModel:
             f"{path} holds {header.get('format')!r} version {header.get('version')!r}, not "
             f"{FORMAT!r} version {FORMAT_VERSION}; {_REMAKE}."
         )
-    try:
+    with reading(path, "weights", InvalidCheckpoint, f"Is it damaged? If so, {_REMAKE}."):
         arrays = {name: _array(tensors, name, shape, path) for name, shape in _shapes().items()}
         config = ResidualConfig(**header["network"])
         network = ResidualNetwork(config, torch.Generator().manual_seed(0))
@@ -88,10 +86,6 @@ def load_model(path: Path) -> PretrainedModel:
             for side in ("inverse", "forward")
         }
         seed = int(header["seed"])
-    except (InvalidConfig, KeyError, TypeError, ValueError, RuntimeError) as error:
-        if isinstance(error, InvalidCheckpoint):
-            raise
-        raise InvalidCheckpoint(f"{path} does not fit its own header: {error}") from error
     encoder = StyleEncoder(
         inverse=priors["inverse"],
         forward=priors["forward"],

@@ -1,6 +1,6 @@
 """The synthetic experiment: make demonstrators label drives, learn, and score on unseen drives."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 
@@ -23,6 +23,7 @@ from steerlab.learning.windows import WindowConfig
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.populations import sample_population
+from steerlab.sim.progress import Progress
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 
 # The lab preset with w of 2 dimensions as the paper draws it, and what labels without noise allow:
@@ -101,7 +102,7 @@ class SyntheticResult:
 
 def run_synthetic(
     config: SyntheticConfig,
-    progress: Callable[[str, float], None],
+    progress: Progress,
     settings: MapperConfig = SYNTHETIC,
 ) -> SyntheticResult:
     """Run the experiment; the same config gives the same labels and figures."""

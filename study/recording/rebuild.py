@@ -18,6 +18,7 @@ from PIL import Image
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.files.whole_file import whole_file
 from steerlab.sim.geometry import Pose2D
+from steerlab.sim.progress import Progress
 from steerlab.sim.records import LabelledStep
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import WorldSpec
@@ -32,7 +33,6 @@ PICTURES_HZ = 10.0  # enough to follow by eye; 14 MB a minute at 20 Hz and full 
 JPEG_QUALITY = 75
 OraclePath = Callable[[WorldSpec, Pose2D], FloatArray | None]
 """Gives the oracle's path from a pose, (points, 2); None where there is none."""
-Progress = Callable[[str, float], None]
 
 
 class View(Protocol):

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import NoPath, NoRenderer
 from steerlab.sim.geometry import Pose2D
+from steerlab.sim.progress import Progress
 from steerlab.sim.world import WorldSpec
-from steerlab.study.recording.rebuild import Progress, View, rebuild_recording
+from steerlab.study.recording.rebuild import View, rebuild_recording
 from steerlab.study.recording.viewer import RecordingUnavailable, open_in_viewer, screenshot
 from steerlab.study.store.records import Attempt
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Self
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.folder_lock import RUN_LOCK, FolderLock, LockedOut, locked
 from steerlab.sim.files.provenance import versions
+from steerlab.sim.progress import Progress
 from steerlab.study.recording.live_rerun import LiveRerun, OpenViewer
 from steerlab.study.recording.writer import AttemptWriter, RecordingError, WriterThread
 from steerlab.study.store.errors import StoreError
@@ -20,7 +21,7 @@ from steerlab.teleop.devices.contract import DeviceInfo
 from steerlab.teleop.drives.contract import Drive
 
 if TYPE_CHECKING:
-    from steerlab.study.recording.rebuild import OpenView, OraclePath, Progress
+    from steerlab.study.recording.rebuild import OpenView, OraclePath
 
 RECORDINGS = "recordings"
 """The subfolder of the Rerun recordings."""

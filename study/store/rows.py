@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, Union, get_args, get_or
 
 import numpy as np
 
+from steerlab.sim.errors import shown
 from steerlab.sim.records import InvalidRecord
 from steerlab.study.store.errors import StoreError
 
@@ -75,10 +76,11 @@ class Table(Generic[Record]):
         for (name, hint, how), stored in zip(self._columns, row, strict=True):
             try:
                 values[name] = how.load(stored)
-            except (TypeError, ValueError, AttributeError, LookupError) as error:
+            except Exception as error:  # anything may be in a damaged cell
                 raise StoreError(
-                    f"{self.name}.{name} is {short(stored)} in the database ({error}), where it "
-                    f"must be {_words(hint)}; restore the study folder from its last copy."
+                    f"{self.name}.{name} is {short(stored)} in the database "
+                    f"({shown(str(error) or type(error))}), where it must be {_words(hint)}; restore "
+                    "the study folder from its last copy."
                 ) from error
         return self.record(**values)
 

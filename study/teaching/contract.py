@@ -1,12 +1,13 @@
 """What the study's runner asks for in a teaching phase, and ``StudyTeaching``, which does it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.folder_lock import FolderLock
+from steerlab.sim.progress import Progress
 from steerlab.study.contract import Phase
 from steerlab.study.protocol import StudyProtocol
 from steerlab.study.teaching.conditions import TAUGHT
@@ -39,7 +40,7 @@ class TeachRequest:
     mapper: Path
     device: str | Device
     lock: FolderLock
-    progress: Callable[[str, float], None]
+    progress: Progress
     viewer: bool = False
     recordings: bool = True
     settings: Mapping[str, str] = field(default_factory=dict)

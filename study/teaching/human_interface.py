@@ -5,8 +5,8 @@ from time import perf_counter_ns, sleep
 
 from steerlab.learning.agents.drive import RoundDrive
 from steerlab.learning.agents.teaching_contract import AfterRest, FinishedDrive, Work
-from steerlab.learning.policy_training import Progress
 from steerlab.sim.errors import SteerlabError
+from steerlab.sim.progress import ShareProgress
 from steerlab.sim.rollout import Outcome
 from steerlab.study.recording.session_recorder import SessionRecorder
 from steerlab.study.teaching.conditions import TeacherAction, TeachingMode
@@ -154,7 +154,7 @@ class HumanInterface:
             return False
         return True
 
-    def _ticker(self, page: Callable[[float], Page], *wanted: Act) -> Progress:
+    def _ticker(self, page: Callable[[float], Page], *wanted: Act) -> ShareProgress:
         """Looks at keys and wheel, and draws now and then."""
         self._attempts.watch.begin(self._device.read())
         self._shown_ns = 0

@@ -1,12 +1,12 @@
 """A scripted participant teaches: the same loop and record, without a window or time."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import nan
 
 from steerlab.learning.agents.drive import HeldGate, RoundDrive
 from steerlab.learning.agents.teaching_contract import AfterRest, FinishedDrive, Work
 from steerlab.sim.live_teacher import LiveTeacher, Responding
+from steerlab.sim.progress import Progress
 from steerlab.sim.records import Driver
 from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher
@@ -46,7 +46,7 @@ class ScriptedInterface:
         participant: str,
         mode: TeachingMode,
         rounds: int,
-        progress: Callable[[str, float], None],
+        progress: Progress,
     ) -> None:
         if device.info.kind is InputKind.TRACE:
             raise DeviceError(

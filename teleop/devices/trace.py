@@ -6,9 +6,10 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
 import pyarrow.parquet as pq
 
+from steerlab.sim.errors import shown
+from steerlab.sim.files.reading import reading
 from steerlab.sim.rollout import Rollout
 from steerlab.sim.vehicle import WHEEL_LIMIT
 from steerlab.teleop.devices.contract import (
@@ -87,7 +88,8 @@ def read_trace(path: Path) -> TraceDevice:
     suffix = path.suffix.casefold()
     if suffix not in (".csv", ".parquet"):
         raise DeviceError(f"{path} is no trace; give a .csv or .parquet file.")
-    try:
+    remedy = f"Give a table with step, wheel, or all of {', '.join(COLUMNS)}."
+    with reading(path, "a trace", DeviceError, remedy):
         if suffix == ".csv":
             with path.open(newline="", encoding="utf-8") as file:
                 reader = csv.DictReader(file)
@@ -95,25 +97,25 @@ def read_trace(path: Path) -> TraceDevice:
         else:
             table = pq.read_table(path)
             columns, rows = table.column_names, table.to_pylist()
-    except (OSError, UnicodeDecodeError, csv.Error, pa.ArrowException) as error:
-        raise DeviceError(f"{path} cannot be read as a trace: {error}.") from error
-    if not {"step", "wheel"} <= set(columns) <= set(COLUMNS):
-        raise DeviceError(f"{path} has columns {columns}; give step, wheel, or all of {COLUMNS}.")
-    return TraceDevice(rows, name=path.name)
+        if not {"step", "wheel"} <= set(columns) <= set(COLUMNS):
+            raise DeviceError(f"{path} has columns {shown(columns)}. {remedy}")
+        return TraceDevice(rows, name=path.name)
 
 
 def _sample(row: Row, where: str) -> tuple[int, DeviceSample]:
     extra = set(row) - set(COLUMNS)
     if extra:
-        raise DeviceError(f"{where}: unknown {extra} in {dict(row)}; give only {COLUMNS}.")
+        raise DeviceError(
+            f"{where}: unknown {shown(extra)} in {shown(dict(row))}; give only {COLUMNS}."
+        )
     wheel = _number(row, "wheel", -WHEEL_LIMIT, WHEEL_LIMIT, where)
     step = _number(row, "step", 0, 2**31 - 1, where)
     if step is None or step != int(step):
-        raise DeviceError(f"{where}: step is {row.get('step')!r}; give a whole number from 0.")
+        raise DeviceError(f"{where}: step is {shown(row.get('step'))}; give a whole number from 0.")
     names = [name for name in str(row.get("buttons") or "").split("|") if name]
     unknown = sorted(set(names) - {*Button})
     if unknown:
-        raise DeviceError(f"{where}: no buttons {unknown}; choose from {', '.join(Button)}.")
+        raise DeviceError(f"{where}: no buttons {shown(unknown)}; choose from {', '.join(Button)}.")
     return int(step), DeviceSample(
         wheel=wheel,
         throttle=_number(row, "throttle", 0.0, 1.0, where),
@@ -133,6 +135,6 @@ def _number(row: Row, name: str, low: float, high: float, where: str) -> float |
         number = float("nan")
     if not isfinite(number) or not low <= number <= high:
         raise DeviceError(
-            f"{where}: {name} is {value!r}; give {low:g} to {high:g}, or leave empty."
+            f"{where}: {name} is {shown(value)}; give {low:g} to {high:g}, or leave empty."
         )
     return number

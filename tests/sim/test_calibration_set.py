@@ -128,10 +128,12 @@ def test_a_rollout_file_gives_back_every_bit(tmp_path):
 
 def test_foreign_and_damaged_files_are_refused(tmp_path):
     path = tmp_path / "r.parquet"
-    with pytest.raises(InvalidConfig, match="Cannot read"):
+    with pytest.raises(
+        InvalidConfig, match="cannot be read as a rollout file: there is no such file"
+    ):
         read_rollouts(path)
     path.write_bytes(b"PAR1 not really")
-    with pytest.raises(InvalidConfig, match="Cannot read"):
+    with pytest.raises(InvalidConfig, match="cannot be read as a rollout file"):
         read_rollouts(path)
     pq.write_table(pa.table({"a": [1]}), path)
     with pytest.raises(InvalidConfig, match="not a rollout file"):

@@ -17,9 +17,10 @@ from steerlab.learning.agents.offline import MemoryLog
 from steerlab.learning.agents.teaching import BallNeverReached, NothingShown, RoundDiverged
 from steerlab.learning.agents.teaching_contract import AfterRest
 from steerlab.learning.policy import IMAGE_SHAPE, Observations
-from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingDiverged, no_progress
+from steerlab.learning.policy_training import PolicyTrainingConfig, TrainingDiverged
 from steerlab.sim.engine.driving import Driving
 from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.progress import no_progress
 from steerlab.sim.records import Driver
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.tasks import make_task
