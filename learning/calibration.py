@@ -127,17 +127,27 @@ def _descend(
     iterations: int,
     config: CalibrationConfig,
 ) -> Tensor:
-    """Levenberg-Marquardt for everyone at once, each with their own damping."""
+    """Levenberg-Marquardt for everyone at once, each with their own damping and end."""
+    result = embeddings.clone()
+    going = torch.arange(len(embeddings))  # people whose windows are still in ``rows``
     damping = torch.full((len(embeddings),), config.damping, dtype=torch.float64)
     current, _ = normal_equations(network, rows, embeddings, weight)
     for _ in range(iterations):
         step = _damped_step(current, damping)
-        promised = (step * current.gradient).sum(1)
-        if bool((promised <= config.tolerance * current.loss).all()):
+        left = (step * current.gradient).sum(1) > config.tolerance * current.loss
+        if not bool(left.any()):
             break
+        if 2 * int(left.sum()) <= len(left):  # whoever is done costs no more time
+            result[going] = embeddings
+            going, embeddings, damping, step = (
+                values[left] for values in (going, embeddings, damping, step)
+            )
+            rows = PeopleWindows(*(values[left] for values in rows))
+            current = Sums(*(values[left] for values in current))
+            left = left[left]
         candidate = embeddings - step.to(embeddings.dtype)
         tried, _ = normal_equations(network, rows, candidate, weight)
-        better = tried.loss < current.loss
+        better = left & (tried.loss < current.loss)
         embeddings = torch.where(better[:, None], candidate, embeddings)
         current = Sums(
             *(
@@ -146,7 +156,8 @@ def _descend(
             )
         )
         damping *= torch.where(better, config.accepted_factor, config.rejected_factor)
-    return embeddings
+    result[going] = embeddings
+    return result
 
 
 def _damped_step(equations: Sums, damping: Tensor) -> Tensor:

@@ -21,7 +21,7 @@ from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 WINDOWS_PER_PERSON = 600  # more of them calibrate no better (docs/mapper-experiments.md)
-_PEOPLE_AT_ONCE = 4  # their windows stay near a core's cache
+_PEOPLE_AT_ONCE = 16  # whoever is done leaves the group early
 _WORKERS = 2  # groups share nothing, so their number changes no result
 
 
