@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
@@ -18,6 +19,7 @@ from steerlab.analysis.study_tables.tables import AnalysisConfig, analyse
 from steerlab.sim.files.output_folder import OutputError, output_folder
 from steerlab.sim.files.provenance import versions
 from steerlab.sim.progress import Progress
+from steerlab.study.derived import ERASED_BEFORE, ErasureGuard
 from steerlab.study.store.store import STUDY_FILE
 
 REPORT, PAGE, TABLES, SUMMARY = "report", "index.html", "tables.json", "summary.json"
@@ -64,7 +66,9 @@ def analyze(
     """
     started = perf_counter()
     progress("reading", 0.0)
-    data = _read(folder, config, progress)
+    guard = ErasureGuard.of(folder) if (folder / STUDY_FILE).is_file() else None
+    with nullcontext() if guard is None else guard.reading():
+        data = _read(folder, config, progress)
     read_s = perf_counter() - started
     progress("computing the tables", 0.0)
     analysis = analyse(data, config.analysis)
@@ -85,6 +89,7 @@ def analyze(
     summary = _summary(
         data, analysis.tables, installed, seconds | {"all": perf_counter() - started}
     )
+    summary[ERASED_BEFORE] = sorted(guard.erased) if guard is not None else []
     report = out / REPORT
     is_ours = (report / TABLES).is_file()
     try:
@@ -93,7 +98,8 @@ def analyze(
         raise OutputError(
             f"Cannot write to {out}: {error.strerror or error}; choose another --out."
         ) from error
-    with output_folder(report, force=force or is_ours) as fresh:
+    placing = None if guard is None else guard.placing()
+    with output_folder(report, force=force or is_ours, placing=placing) as fresh:
         (fresh / PAGE).write_text(page, encoding="utf-8")
         (fresh / TABLES).write_text(analysis.to_json(), encoding="utf-8")
         text = json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

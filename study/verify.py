@@ -10,6 +10,7 @@ from itertools import pairwise
 from steerlab.sim.errors import SteerlabError
 from steerlab.study.completeness import person_findings
 from steerlab.study.contract import PhaseKind, PhaseState, Role, StudyCheck
+from steerlab.study.derived import left_of
 from steerlab.study.enrolment import order_at
 from steerlab.study.progress import ParticipantProgress, everybody
 from steerlab.study.protocol_file import protocol_sha256
@@ -317,8 +318,11 @@ def _withdrawals(study: OpenStudy) -> Iterator[StudyCheck]:
     """Whatever is left of people whose data were erased."""
     for participant, how in read_departures(study.store.connection).items():
         left = [] if how is Departure.KEPT else traces(study.folder, participant)
+        if how is Departure.ERASED:
+            left += left_of(study.folder, participant)
         if how is Departure.ERASING or left:
-            result = f"the erasure of {participant} is not finished"
+            where = f": {', '.join(sorted({path.name for path in left}))}" if left else ""
+            result = f"the erasure of {participant} is not finished{where}"
             remedy = f"Run again: steerlab study withdraw {study.folder} {participant} --erase"
             yield StudyCheck(what="Withdrawal", found=result, ok=False, mend=remedy)
         unknown = [path.name for path in unknown_files(study.folder)]

@@ -7,6 +7,7 @@ from pathlib import Path
 from steerlab.sim.files.folder_lock import CONSOLE_LOCK, RUN_LOCK, holder_name, locked
 from steerlab.sim.progress import Progress
 from steerlab.study.contract import StudyError
+from steerlab.study.derived import DERIVED, DERIVED_LOCK, derived_files, derived_lock
 from steerlab.study.models import remove_models_of, renew
 from steerlab.study.progress import progress_of
 from steerlab.study.protocol_file import PROTOCOL_FILE, QUESTIONNAIRES
@@ -21,14 +22,13 @@ from steerlab.study.store.people import (
 from steerlab.study.store.store import STUDY_FILE
 from steerlab.study.study_folder import MODELS, OpenStudy
 
-DERIVED = ("exports", "report")
-"""Subfolders with nothing but what can be made anew from the database."""
-
-_KNOWN = (
-    *(STUDY_FILE, f"{STUDY_FILE}-wal", f"{STUDY_FILE}-shm", PROTOCOL_FILE, QUESTIONNAIRES),
-    *(RECORDINGS, MODELS, *DERIVED),
-    *(RUN_LOCK, CONSOLE_LOCK, holder_name(RUN_LOCK), holder_name(CONSOLE_LOCK)),
+_KEPT = (
+    *(PROTOCOL_FILE, QUESTIONNAIRES, RECORDINGS, MODELS),
+    *(RUN_LOCK, CONSOLE_LOCK, DERIVED_LOCK),
+    *(holder_name(RUN_LOCK), holder_name(CONSOLE_LOCK), holder_name(DERIVED_LOCK)),
 )
+"""What is no derived data, or is looked through for the person's own part of it."""
+_KNOWN = (STUDY_FILE, f"{STUDY_FILE}-wal", f"{STUDY_FILE}-shm", *DERIVED, *_KEPT)
 
 
 def withdraw(study: OpenStudy, participant: str, *, erase: bool, progress: Progress) -> None:
@@ -60,9 +60,13 @@ def withdraw(study: OpenStudy, participant: str, *, erase: bool, progress: Progr
             return
         if left is not Departure.ERASING:
             erase_rows(connection, participant)
-        for path in (*traces(study.folder, participant), *_derived(study.folder)):
-            _delete(path)
-        remove_models_of(study, participant)
+        with derived_lock(study.folder):  # what others put in place until now is seen here
+            for path in (
+                *traces(study.folder, participant),
+                *derived_files(study.folder, _KEPT),
+            ):
+                _delete(path)
+            remove_models_of(study, participant)
         scrub(connection)
         renew(study, progress)
         with connection.transaction(f"finish erasing {participant!r}", durable=True):
@@ -87,17 +91,6 @@ def traces(folder: Path, participant: str) -> list[Path]:
 def unknown_files(folder: Path) -> list[Path]:
     """Files and folders that steerlab did not put into the study's folder, and never touches."""
     return [path for path in sorted(folder.iterdir()) if path.name not in _KNOWN]
-
-
-def _derived(folder: Path) -> list[Path]:
-    """Exports and reports: they hold everybody's data, so they go when anybody's do.
-
-    With them the hidden folders that ``output_folder`` leaves beside them if it is cut off.
-    """
-    cut_off = [path for name in DERIVED for path in sorted(folder.glob(f".{name}-*"))]
-    return cut_off + [
-        path for name in DERIVED if (path := folder / name).exists() or path.is_symlink()
-    ]
 
 
 def _delete(path: Path) -> None:

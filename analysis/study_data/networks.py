@@ -1,6 +1,7 @@
 """Networks for an analysis: trained without the held-out rollouts, one a seed, and judged on them."""
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -14,6 +15,7 @@ from steerlab.learning.splits import StudySplit, split_rollouts, split_study
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.whole_file import whole_file
 from steerlab.sim.progress import Progress
+from steerlab.study.derived import ErasedMeanwhile, ErasureGuard
 from steerlab.study.models import frozen_model, load_frozen
 from steerlab.study.study_folder import MODELS, OpenStudy
 
@@ -67,12 +69,21 @@ def judge_both(mapper: "LabelMapper", split: StudySplit, *, seed: int) -> list[H
 
 
 def network_for(
-    split: StudySplit, config: "MapperConfig", *, seed: int, cache: Path, progress: Progress
+    split: StudySplit,
+    config: "MapperConfig",
+    *,
+    seed: int,
+    cache: Path,
+    progress: Progress,
+    placing: AbstractContextManager[None] | None = None,
 ) -> "MindMeldMapper":
     """A network trained on ``train_seen`` and calibrated on ``calibrate_new``.
 
     Kept in ``cache`` under a hash of labels, settings and seed, so that the next analysis of the
     same data need not train it again.
+
+    Args:
+        placing: held while the network's file gets its name; may refuse it.
     """
     from steerlab.learning.checkpoint import load_mapper, save_mapper
     from steerlab.learning.mapper import MindMeldMapper
@@ -89,7 +100,7 @@ def network_for(
     if split.calibrate_new:
         mapper.calibrate(split.calibrate_new)
     cache.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as temporary:
+    with whole_file(path, placing) as temporary:
         save_mapper(mapper, temporary)
     return mapper
 
@@ -122,11 +133,13 @@ def study_networks(
     networks: int,
     progress: Progress,
     notices: list[str],
+    guard: ErasureGuard,
 ) -> tuple[list[Embeddings], list[HeldOut]]:
     """The frozen network's w, then those of ``networks`` that hold rollouts out, with their errors.
 
     Args:
         notices: what the report should say is appended.
+        guard: made before the study was read.
     """
     training = [person.id for person in people if person.role == "training"]
     test = [person.id for person in people if person.role == "test"]
@@ -152,10 +165,14 @@ def study_networks(
         try:
             split = split_study(series, split_rollouts(rollouts), test)
             cache = study.folder / MODELS
-            mapper = network_for(split, config, seed=seed, cache=cache, progress=progress)
+            mapper = network_for(
+                split, config, seed=seed, cache=cache, progress=progress, placing=guard.placing()
+            )
             source = f"trained for the analysis with seed {seed}, without the held-out rollouts"
             w = embeddings_of(mapper, training, seed=seed, source=source)
             errors = judge_both(mapper, split, seed=seed)
+        except ErasedMeanwhile:
+            raise
         except SteerlabError as error:  # the rest of the report does not need this network
             notices.append(f"No network could be trained and judged with seed {seed}: {error}")
             break

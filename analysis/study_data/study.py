@@ -20,6 +20,7 @@ from steerlab.learning.series import LabelSeries, series_from_table
 from steerlab.sim.errors import InvalidConfig, SteerlabError
 from steerlab.sim.progress import Progress
 from steerlab.study.contract import Phase, PhaseKind, PhaseState, Standing
+from steerlab.study.derived import ErasureGuard
 from steerlab.study.progress import (
     ParticipantProgress,
     answers_of,
@@ -48,12 +49,13 @@ def read_study(folder: Path, *, networks: int, progress: Progress) -> StudyData:
     if networks < 0:
         raise InvalidConfig(f"seeds is {networks}; give 0 or more.")
     study = OpenStudy.open(folder, read_only=True)
+    guard = ErasureGuard.of(folder)
     try:
         with study.reading():
             data = _read(study)
         notices = list(data.notices)
         embeddings, held_out = study_networks(
-            study, data.people, data.series, networks, progress, notices
+            study, data.people, data.series, networks, progress, notices, guard
         )
         return replace(
             data, embeddings=tuple(embeddings), held_out=tuple(held_out), notices=tuple(notices)

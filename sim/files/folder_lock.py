@@ -33,7 +33,7 @@ class FolderLock:
 
 
 @contextmanager
-def locked(folder: Path, name: str, what: str) -> Generator[FolderLock]:
+def locked(folder: Path, name: str, what: str, *, wait_s: float = 0.0) -> Generator[FolderLock]:
     """Hold the lock ``name`` of an existing folder; taken twice in one process it is refused too.
 
     The system lets go of it when the process ends, however it ends: a lock of a dead process is
@@ -41,6 +41,7 @@ def locked(folder: Path, name: str, what: str) -> Generator[FolderLock]:
 
     Args:
         what: what the holder does there, such as ``records into``.
+        wait_s: how long to wait for another holder.
 
     Raises:
         LockedOut: another process holds it, or this one.
@@ -49,7 +50,7 @@ def locked(folder: Path, name: str, what: str) -> Generator[FolderLock]:
     folder.stat()  # FileLock would make a folder that is missing
     # Without fallback_to_soft=False a file system that has no locks would get a file that outlives
     # a crash. A context of the thread's own could not be left in another one, as an ExitStack may.
-    lock = FileLock(folder / name, blocking=False, fallback_to_soft=False, thread_local=False)
+    lock = FileLock(folder / name, timeout=wait_s, fallback_to_soft=False, thread_local=False)
     holder = folder / holder_name(name)
     try:
         lock.acquire()

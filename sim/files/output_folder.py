@@ -5,7 +5,7 @@ import os
 import shutil
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 from steerlab.sim.errors import SteerlabError
@@ -20,7 +20,9 @@ class OutputError(SteerlabError):
 
 
 @contextmanager
-def output_folder(path: Path, *, force: bool = False) -> Iterator[Path]:
+def output_folder(
+    path: Path, *, force: bool = False, placing: AbstractContextManager[None] | None = None
+) -> Iterator[Path]:
     """Give a new folder to write to, and put it in place of ``path`` at the end.
 
     If the block raises, ``path`` is as it was. A program that is killed leaves the old folder or
@@ -30,6 +32,7 @@ def output_folder(path: Path, *, force: bool = False) -> Iterator[Path]:
     Args:
         path: a link to a folder stands for that folder.
         force: replace a folder that is not empty.
+        placing: held while the folder is put in place; may refuse it.
 
     Raises:
         OutputError: ``path`` is a file, is not empty, is the folder that the program was started
@@ -51,8 +54,9 @@ def output_folder(path: Path, *, force: bool = False) -> Iterator[Path]:
             fresh.mkdir()
             yield fresh
             _sync_tree(fresh)
-            _refuse_what_is_there(path, force)  # of another program meanwhile
-            _put_in_place(room, path)
+            with placing or nullcontext():
+                _refuse_what_is_there(path, force)  # of another program meanwhile
+                _put_in_place(room, path)
     except OSError as error:
         raise OutputError(
             f"Cannot write results for {path}: {error.strerror or error}; nothing was kept. "

@@ -5,7 +5,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -18,11 +18,14 @@ _UNLOCKED_S = (
 
 
 @contextmanager
-def whole_file(path: Path) -> Generator[Path]:
+def whole_file(path: Path, placing: AbstractContextManager[None] | None = None) -> Generator[Path]:
     """A file to write and close elsewhere; it becomes ``path`` if the block ends well.
 
     A reader of ``path`` sees what was there before or all that is new, never half of it. If the
     block raises, ``path`` is as it was. Of several writers at a time the last to finish counts.
+
+    Args:
+        placing: held while the file gets its name; may refuse it.
 
     Raises:
         OSError: the disk does not take it.
@@ -30,7 +33,8 @@ def whole_file(path: Path) -> Generator[Path]:
     with workspace(path) as room:
         part = room / path.name
         yield part
-        rename_durably(part, path)
+        with placing or nullcontext():
+            rename_durably(part, path)
 
 
 @contextmanager

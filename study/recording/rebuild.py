@@ -1,7 +1,6 @@
 """Rerun recordings made from the study store alone, with the camera's pictures if wanted."""
 
 import subprocess
-import tempfile
 from collections.abc import Callable, Generator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from io import BytesIO
@@ -16,12 +15,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from steerlab.sim.arrays import FloatArray
-from steerlab.sim.files.whole_file import whole_file
+from steerlab.sim.files.whole_file import rename_durably, whole_file, workspace
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.progress import Progress
 from steerlab.sim.records import LabelledStep
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import WorldSpec
+from steerlab.study.derived import ErasureGuard
 from steerlab.study.recording import layout
 from steerlab.study.recording.drive_log import DriveLog
 from steerlab.study.recording.scene import log_end, log_world
@@ -141,18 +141,21 @@ def rebuild_recording(
         RecordingUnavailable: there is nothing to write, or it cannot be written.
         StoreError: the store cannot be read.
     """
+    guard = ErasureGuard.of(folder)
     with open_study(folder) as store:
         attempts = choose(store, participant=participant, rollout=rollout, attempt=attempt)
         try:
             out.parent.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as temporary:
+            with workspace(out) as room:
                 files: list[Path] = []
                 for number, chosen in enumerate(attempts):
                     progress("rebuilding recordings", number / len(attempts))
-                    files.append(Path(temporary) / f"{number}.rrd")
-                    data = store.attempt_data(chosen)
+                    files.append(room / f"{number}.rrd")
+                    with guard.reading():
+                        data = store.attempt_data(chosen)
                     write_recording(data, files[-1], open_view=open_view, oracle_path=oracle_path)
-                _join(files, Path(temporary) / "all.rrd").replace(out)
+                with guard.placing():
+                    rename_durably(_join(files, room / "all.rrd"), out)
         except OSError as error:
             raise RecordingUnavailable(
                 f"Cannot write {out}: {error.strerror or error}. Choose another file or make room."
