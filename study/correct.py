@@ -5,6 +5,7 @@ from pathlib import Path
 
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import InvalidConfig
+from steerlab.sim.names import alike, both_shown
 from steerlab.sim.progress import Progress
 from steerlab.sim.rollout import Rollout
 from steerlab.study.calibration_session import (
@@ -38,10 +39,20 @@ class CorrectConfig:
 
 
 def rollouts_left(folder: Path, participant: str, rollouts: list[Rollout]) -> list[Rollout]:
-    """Those of ``rollouts`` that the participant has not finished yet."""
+    """Those of ``rollouts`` that the participant has not finished yet.
+
+    Raises:
+        InvalidConfig: the study has somebody whose name only looks like the participant's.
+    """
     if not (folder / STUDY_FILE).exists():
         return rollouts
     with StudyStore.open(folder / STUDY_FILE, read_only=True) as store:
+        for known in store.participants():
+            if alike((known, participant)):
+                raise InvalidConfig(
+                    f"Participants {both_shown(participant, known)}. Give --participant "
+                    f"{known!r} if it is the same person, or another name if not."
+                )
         finished = {
             attempt.rollout
             for attempt in store.attempts(AttemptStatus.FINISHED)

@@ -8,6 +8,7 @@ from hashlib import sha256
 from itertools import permutations
 from math import factorial
 
+from steerlab.sim.names import appearance
 from steerlab.study.contract import Role, StudyError
 from steerlab.study.protocol import ConsentText, StudyProtocol
 from steerlab.study.protocol_file import protocol_sha256, read_protocol_text
@@ -84,11 +85,15 @@ def order_at(
 
 
 def _next_pseudonym(study: OpenStudy, prefix: str) -> str:
-    """Its number is above all there are, enrolled or not: no number is ever given twice."""
+    """Its number is above all there are, enrolled or not: no number is ever given twice.
+
+    Nor beside a name that only looks otherwise, such as ``p001`` of ``steerlab correct``.
+    """
+    start = appearance(prefix)
     numbers = [
         int(rest)
-        for name in study.store.participants()
-        if (rest := name.removeprefix(prefix)) != name and rest.isascii() and rest.isdecimal()
+        for name in map(appearance, study.store.participants())
+        if (rest := name.removeprefix(start)) != name and rest.isascii() and rest.isdecimal()
     ]
     return f"{prefix}{max(numbers, default=0) + 1:03d}"
 

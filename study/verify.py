@@ -26,6 +26,7 @@ from steerlab.study.store.people import (
     read_phase_events,
 )
 from steerlab.study.store.records import AttemptStatus
+from steerlab.study.store.seals import SEALED, broken_seals
 from steerlab.study.store.teaching import TaughtRound, read_taught, read_tried
 from steerlab.study.study_folder import OpenStudy
 from steerlab.study.withdrawal import traces, unknown_files
@@ -63,6 +64,7 @@ def verify(study: OpenStudy, *, expected_head: str | None = None) -> Verified:
     for what, check in (
         ("Audit", lambda: _audit(entries(), expected_head)),
         ("Answers", lambda: _answers(study, entries())),
+        ("Labels", lambda: _seals(study, entries())),
         ("Protocol", lambda: _protocol(study)),
         ("Orders", lambda: _orders(study)),
         ("Clock", lambda: _clock(study, entries())),
@@ -136,6 +138,29 @@ def _answers(study: OpenStudy, entries: Sequence[AuditEntry]) -> Iterator[StudyC
         yield StudyCheck(what="Answers", found=f"{gone} are gone", ok=False, mend=_TAMPERED)
     else:
         yield StudyCheck(what="Answers", found=f"{len(responses)} as they were given", ok=True)
+
+
+def _seals(study: OpenStudy, entries: Sequence[AuditEntry]) -> Iterator[StudyCheck]:
+    """Attempts with their labels, networks, w and taught rounds are what the audit sealed."""
+    connection = study.store.connection
+    details = [entry.detail for entry in entries if entry.act == SEALED]
+    changed, gone, whole = broken_seals(connection, details)
+    left = {p for p, how in read_departures(connection).items() if how is not Departure.KEPT}
+    # An erasure takes the person's rows with it; whose w and rounds were, the audit does not say.
+    missing = [
+        f"{kind} {' '.join(map(str, key))}"
+        for kind, key in gone
+        if (key[0] not in left if kind == "attempt" else not left)
+    ]
+    if changed:
+        result = f"{len(changed)} differ from what the audit sealed, the first is {changed[0]}"
+        yield StudyCheck(what="Labels", found=result, ok=False, mend=_TAMPERED)
+    elif missing:
+        result = f"{len(missing)} are gone, the first is {missing[0]}"
+        yield StudyCheck(what="Labels", found=result, ok=False, mend=_TAMPERED)
+    else:
+        result = f"{whole} attempts, networks, w and rounds as they were kept"
+        yield StudyCheck(what="Labels", found=result, ok=True)
 
 
 def _protocol(study: OpenStudy) -> Iterator[StudyCheck]:

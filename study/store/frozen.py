@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from steerlab.sim.arrays import FloatArray
 from steerlab.study.store.connection import StoreConnection
 from steerlab.study.store.rows import Table
+from steerlab.study.store.seals import seal
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -123,6 +124,7 @@ def insert_model(
     )
     MODELS.insert(connection, model)
     connection.log("network frozen", f"{file}, sha256 {sha256}, of {', '.join(people)}")
+    seal(connection, "network", model.id)
 
 
 def mark_model_removed(connection: StoreConnection, model: FrozenModel, why: str) -> None:
@@ -145,8 +147,10 @@ def people_in_use(connection: StoreConnection) -> set[str]:
 
 def insert_embedding(connection: StoreConnection, embedding: StoredEmbedding) -> None:
     """Keep a participant's w; the newest counts, and older ones stay."""
-    EMBEDDINGS.insert(connection, embedding, at_utc=connection.now())
+    id_ = connection.next_id("embeddings")
+    EMBEDDINGS.insert(connection, embedding, id=id_, at_utc=connection.now())
     connection.log("w kept", f"{embedding.participant} with network {embedding.model_sha256}")
+    seal(connection, "w", id_)
 
 
 def read_embeddings(connection: StoreConnection) -> dict[str, StoredEmbedding]:

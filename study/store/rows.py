@@ -13,12 +13,12 @@ from functools import cached_property
 from math import isfinite
 from operator import index
 from reprlib import repr as short
+from textwrap import shorten
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from steerlab.sim.errors import shown
 from steerlab.sim.records import InvalidRecord
 from steerlab.study.store.errors import StoreError
 
@@ -79,7 +79,7 @@ class Table(Generic[Record]):
             except Exception as error:  # anything may be in a damaged cell
                 raise StoreError(
                     f"{self.name}.{name} is {short(stored)} in the database "
-                    f"({shown(str(error) or type(error))}), where it must be {_words(hint)}; restore "
+                    f"({shorten(str(error) or type(error).__name__, 80)}), where it must be {_words(hint)}; restore "
                     "the study folder from its last copy."
                 ) from error
         return self.record(**values)

@@ -39,6 +39,7 @@ from steerlab.study.store.records import (
     SessionRecord,
     StoredRollout,
 )
+from steerlab.study.store.seals import seal
 from steerlab.teleop.timing import StepTiming
 
 STUDY_FILE = "study.db"
@@ -357,6 +358,7 @@ class StudyStore:
             raise StoreError(f"There is no {attempt} in {self.path}; begin it first.")
         why = f": {reason}" if reason else ""
         self.connection.log(f"attempt {status}", f"{attempt}{why}")
+        seal(self.connection, "attempt", *attempt.key)
 
 
 def _key(attempt: Attempt) -> dict[str, str | int]:

@@ -15,6 +15,7 @@ from steerlab.sim.rollout import Outcome
 from steerlab.study.store.connection import StoreConnection
 from steerlab.study.store.people import PhaseAct, read_enrolments
 from steerlab.study.store.rows import Table
+from steerlab.study.store.seals import seal
 
 TEACHING_SCHEMA = pa.schema(
     [
@@ -110,7 +111,8 @@ _ROUND_KEY = ("participant", "phase", "phase_run", "round")
 
 def insert_round(connection: StoreConnection, taught: TaughtRound, targets: StoredTargets) -> None:
     """Keep a round and what was imitated; inside a transaction."""
-    ROUNDS.insert(connection, taught, at_utc=connection.now())
+    id_ = connection.next_id("teaching_rounds")
+    ROUNDS.insert(connection, taught, id=id_, at_utc=connection.now())
     attempt = {name: getattr(taught, name) for name in ("participant", "rollout", "attempt")}
     for step, target, weight, asked in zip(
         *(targets.step.tolist(), targets.target.tolist()),
@@ -121,6 +123,7 @@ def insert_round(connection: StoreConnection, taught: TaughtRound, targets: Stor
         values = {"step": step, "target": kept, "weight": weight, "asked": int(asked)}
         connection.insert("teaching_targets", **attempt, **values)
     connection.log("round taught", f"{taught.participant} {taught.phase} round {taught.round}")
+    seal(connection, "round", id_)
 
 
 def insert_trials(

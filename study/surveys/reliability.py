@@ -21,6 +21,7 @@ class CronbachAlpha:
         low, high: the confidence interval.
         confidence: its level.
         people: with all answers; those who ``left_out`` any do not count.
+        items: that vary among them; ``constant`` ones do not count.
         reason: why there is no alpha; empty if there is one.
     """
 
@@ -31,6 +32,7 @@ class CronbachAlpha:
     people: int
     left_out: int
     items: int
+    constant: int
     reason: str = ""
 
 
@@ -39,7 +41,8 @@ def cronbach_alpha(answers: FloatArray, *, confidence: float = 0.95) -> Cronbach
 
     The interval is Feldt's (Feldt, Woodruff & Salih 1987, Applied Psychological Measurement 11,
     93-103, formulas 6 and 7), as in R's ``psych::alpha.ci`` and ``cocron``. People with a missing
-    answer are left out; ``psych::alpha`` would use their pairs of answers.
+    answer are left out; ``psych::alpha`` would use their pairs of answers. Items that everyone
+    answered alike are left out too, as ``psych::alpha`` does with a warning.
 
     Args:
         answers: keyed, (people, items); NaN where there is none.
@@ -55,9 +58,12 @@ def cronbach_alpha(answers: FloatArray, *, confidence: float = 0.95) -> Cronbach
             f"Answers of shape {answers.shape} are no finite table of (people, items)."
         )
     complete = answers[~np.isnan(answers).any(axis=1)]
-    people, items = complete.shape
-    alpha = low = high = None
+    people = len(complete)
     reason = _why_undefined(complete)
+    if people:
+        complete = complete[:, np.ptp(complete, axis=0) > 0.0]
+    items = complete.shape[1]
+    alpha = low = high = None
     if not reason:
         within = complete.var(axis=0, ddof=1).sum()
         alpha = float(items / (items - 1) * (1.0 - within / complete.sum(axis=1).var(ddof=1)))
@@ -74,6 +80,7 @@ def cronbach_alpha(answers: FloatArray, *, confidence: float = 0.95) -> Cronbach
         people=people,
         left_out=len(answers) - people,
         items=items,
+        constant=answers.shape[1] - items,
         reason=reason,
     )
 
@@ -87,4 +94,7 @@ def _why_undefined(complete: FloatArray) -> str:
         return f"people with all answers: {people}; at least {FEWEST_PEOPLE} are needed"
     if np.ptp(complete.sum(axis=1)) == 0.0:
         return "everyone has the same score, so nothing varies"
+    varying = int((np.ptp(complete, axis=0) > 0.0).sum())
+    if varying < FEWEST_ITEMS:
+        return f"items that vary: {varying}; at least {FEWEST_ITEMS} are needed"
     return ""
