@@ -8,6 +8,7 @@ from hashlib import sha256
 from itertools import permutations
 from math import factorial
 
+from steerlab.sim.errors import unreadable
 from steerlab.sim.names import appearance
 from steerlab.study.contract import Role, StudyError
 from steerlab.study.protocol import ConsentText, StudyProtocol
@@ -110,6 +111,8 @@ def amend(study: OpenStudy, why: str) -> int:
     """
     if not why.strip():
         raise StudyError('An amendment needs its reason; give it with --why "...".')
+    if found := unreadable(" ".join(why.split())):
+        raise StudyError(f"The reason has {found!r} in it, which nobody can read; leave it out.")
     connection = study.store.connection
     with connection.transaction("amend the protocol", durable=True):
         versions = study.versions()

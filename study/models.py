@@ -51,6 +51,21 @@ def training_people(study: OpenStudy) -> list[ParticipantProgress]:
     return people
 
 
+def check_people(study: OpenStudy) -> list[ParticipantProgress]:
+    """All training people.
+
+    Raises:
+        StudyError: they are too few to train on.
+    """
+    people, fewest = training_people(study), study.current().mapper.minimum_people
+    if len(people) < fewest:
+        raise StudyError(
+            f"{len(people)} training participants have finished; the protocol asks for {fewest} "
+            "(mapper.minimum_people) before the network is trained."
+        )
+    return people
+
+
 def train(study: OpenStudy, progress: Progress) -> FrozenModel:
     """Train the network on all training people, freeze it, and find each test participant's w.
 
@@ -66,12 +81,7 @@ def train(study: OpenStudy, progress: Progress) -> FrozenModel:
             f"compared under one network, so it is not trained again."
         )
     plan, seed = study.current().mapper, study.current().seed
-    people = training_people(study)
-    if len(people) < plan.minimum_people:
-        raise StudyError(
-            f"{len(people)} training participants have finished; the protocol asks for "
-            f"{plan.minimum_people} (mapper.minimum_people) before the network is trained."
-        )
+    people = check_people(study)
     from steerlab.learning.checkpoint import save_mapper
     from steerlab.learning.mapper import MindMeldMapper
     from steerlab.learning.presets import preset

@@ -6,6 +6,7 @@ from functools import cache
 from hashlib import sha256
 from math import factorial
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from steerlab.sim.calibration_set import load_calibration_set
@@ -44,7 +45,9 @@ def read_protocol_text(folder: Path) -> str:
     """
     path = folder / PROTOCOL_FILE
     if not path.exists():
-        raise StudyError(f"There is no {path}; make a study with: steerlab study new {folder}")
+        raise StudyError(
+            f"There is no {path}; make a study with: steerlab study new {quote(str(folder))}"
+        )
     return utf8_text(path)
 
 

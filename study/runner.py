@@ -1,6 +1,7 @@
 """Running a participant's phases at the wheel, from the last checkpoint on."""
 
 from dataclasses import dataclass, field
+from shlex import quote
 from typing import Protocol
 
 from steerlab.sim.calibration_set import load_calibration_set
@@ -11,8 +12,10 @@ from steerlab.study.calibration_session import (
     CalibrationSessionConfig,
     practise,
 )
-from steerlab.study.contract import PAGES, Phase, PhaseKind, PhaseState, StudyError
+from steerlab.study.contract import PAGES, Phase, PhaseKind, PhaseState, Role, StudyError
+from steerlab.study.enrolment import enrol
 from steerlab.study.progress import ParticipantProgress, finished_rollouts, progress_of
+from steerlab.study.protocol import StudyProtocol
 from steerlab.study.scripted_practice import practise_scripted
 from steerlab.study.store.people import PhaseAct, insert_phase_event
 from steerlab.study.study_folder import OpenStudy
@@ -25,6 +28,10 @@ from steerlab.teleop.session import SessionEnd
 
 class PageFiller(Protocol):
     """Does a participant's pages: a scripted participant has one, people have the browser."""
+
+    def check(self, protocol: StudyProtocol, study: OpenStudy) -> None:
+        """Refuse, before anybody is enrolled, what no page of this protocol can be filled with."""
+        ...
 
     def fill(self, study: OpenStudy, progress: ParticipantProgress, phase: Phase) -> None:
         """Finish the page."""
@@ -75,26 +82,67 @@ def run(study: OpenStudy, participant: str, config: RunConfig) -> RunReport:
     """
     study.check_unchanged()
     with locked(study.folder, RUN_LOCK, "runs") as lock:
-        lines: list[str] = []
-        while True:
-            place = progress_of(study, participant)
-            phase = place.view.next_phase
-            if config.phase is not None and (lines or phase is None or phase.id != config.phase):
-                if lines:
-                    return RunReport(lines=tuple(lines), waiting=phase)
-                place.phase(config.phase)
-                at = f"at {phase.id!r}" if phase else str(place.view.standing)
-                raise StudyError(
-                    f"{participant} is {at}, so {config.phase!r} cannot be run now. To do a "
-                    f"finished phase again: steerlab study redo {study.folder} {participant} "
-                    f"{config.phase}"
-                )
-            if phase is None or (phase.kind in PAGES and config.pages is None):
+        return _run(study, participant, config, lock)
+
+
+def run_new(study: OpenStudy, role: Role, config: RunConfig) -> tuple[str, RunReport]:
+    """Enrol a participant and do their phases; nobody is enrolled for a run that is refused.
+
+    Returns:
+        their pseudonym, and what was done.
+
+    Raises:
+        StudyError: the protocol was changed, the phase is not the first, an effect cannot be
+            planted, or the network that they need cannot be trained yet.
+        LockedOut: another run is under way in this study.
+        SteerlabError: device, display or disk; what is finished stays.
+    """
+    study.check_unchanged()
+    with locked(study.folder, RUN_LOCK, "runs") as lock:
+        _check_new(study, role, config)
+        participant = enrol(study, role)
+        return participant, _run(study, participant, config, lock)
+
+
+def _check_new(study: OpenStudy, role: Role, config: RunConfig) -> None:
+    protocol = study.current()
+    order = tuple(condition.key for condition in protocol.conditions)
+    phases = protocol.phases_for(role, order)
+    if config.phase is not None and config.phase != phases[0].id:
+        raise StudyError(
+            f"A new participant begins with {phases[0].id!r}, so {config.phase!r} cannot be run; "
+            "give --participant, or leave --phase out."
+        )
+    if config.pages is not None:
+        config.pages.check(protocol, study)
+    if config.phase is None and any(phase.kind is PhaseKind.CALIBRATE_W for phase in phases):
+        from steerlab.study.models import check_people, frozen_model  # torch: seconds to import
+
+        if frozen_model(study) is None:
+            check_people(study)
+
+
+def _run(study: OpenStudy, participant: str, config: RunConfig, lock: FolderLock) -> RunReport:
+    lines: list[str] = []
+    while True:
+        place = progress_of(study, participant)
+        phase = place.view.next_phase
+        if config.phase is not None and (lines or phase is None or phase.id != config.phase):
+            if lines:
                 return RunReport(lines=tuple(lines), waiting=phase)
-            done, line = _Phase(study, place, phase, config, lock).run()
-            lines.append(f"{phase.title}: {line}")
-            if not done:
-                return RunReport(lines=tuple(lines), waiting=phase)
+            place.phase(config.phase)
+            at = f"at {phase.id!r}" if phase else str(place.view.standing)
+            raise StudyError(
+                f"{participant} is {at}, so {config.phase!r} cannot be run now. To do a "
+                f"finished phase again: steerlab study redo {quote(str(study.folder))} "
+                f"{participant} {config.phase}"
+            )
+        if phase is None or (phase.kind in PAGES and config.pages is None):
+            return RunReport(lines=tuple(lines), waiting=phase)
+        done, line = _Phase(study, place, phase, config, lock).run()
+        lines.append(f"{phase.title}: {line}")
+        if not done:
+            return RunReport(lines=tuple(lines), waiting=phase)
 
 
 @dataclass(frozen=True)

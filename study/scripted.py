@@ -4,13 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import get_args
 
-from steerlab.sim.populations import PopulationKind, sample_population
+from steerlab.sim.errors import shown
+from steerlab.sim.populations import LONGEST_SEED, PopulationKind, sample_population
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.study.contract import Phase, PhaseKind, StudyError
 from steerlab.study.pages import consent, save_answer, submit
 from steerlab.study.planted_effects import PlantedEffect, check_effects
 from steerlab.study.progress import ParticipantProgress
+from steerlab.study.protocol import StudyProtocol
 from steerlab.study.scripted_answers import AnswerModel, ScriptedRespondent
 from steerlab.study.store.teaching import read_taught
 from steerlab.study.study_folder import OpenStudy
@@ -43,12 +45,15 @@ class ScriptedParticipant:
         fields = spec.split(":")
         if len(fields) != 3 or fields[0] != "scripted" or fields[1] not in kinds:
             raise StudyError(
-                f"No scripted teacher {spec!r}; give scripted:KIND:SEED with a KIND of "
+                f"No scripted teacher {shown(spec)}; give scripted:KIND:SEED with a KIND of "
                 f"{', '.join(kinds)}, such as scripted:human:3."
             )
         kind, seed = fields[1:]
-        if not (seed.isascii() and seed.isdecimal()):
-            raise StudyError(f"The seed of {spec!r} is {seed!r}; give a number from 0.")
+        if not (seed.isascii() and seed.isdecimal() and len(seed) <= LONGEST_SEED):
+            raise StudyError(
+                f"The seed of {shown(spec)} is {shown(seed)}; give a number from 0, of at most "
+                f"{LONGEST_SEED} digits."
+            )
         return cls(
             kind=kinds[kinds.index(kind)],
             seed=int(seed),
@@ -65,6 +70,16 @@ class ScriptedParticipant:
     def device(self) -> ScriptedDevice:
         """A device that gives the teacher's labels."""
         return ScriptedDevice(self.teacher)
+
+    def check(self, protocol: StudyProtocol, study: OpenStudy) -> None:
+        """Refuse an effect on what the protocol does not ask.
+
+        Raises:
+            InvalidConfig: there is one.
+        """
+        check_effects(
+            self.effects, {key: study.questionnaires[key] for key in protocol.questionnaires}
+        )
 
     def fill(self, study: OpenStudy, progress: ParticipantProgress, phase: Phase) -> None:
         """Finish a page, answer by answer, as the console does.

@@ -6,6 +6,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from steerlab.sim.errors import unreadable
 from steerlab.sim.files.folder_lock import RUN_LOCK, locked
 from steerlab.sim.progress import Progress
 from steerlab.study.completeness import session_findings
@@ -190,9 +191,12 @@ class Study:
         """Keep a remark of the experimenter about a participant; None is about the study.
 
         Raises:
-            StudyError: it is blank or too long, or there is no such participant any more.
+            StudyError: it is blank or too long, has characters that are none to read, or there is
+                no such participant any more.
         """
-        text = text.strip()
+        text = "\n".join(text.strip().splitlines())
+        if found := unreadable(text):
+            raise StudyError(f"The note has {found!r} in it, which nobody can read; leave it out.")
         if not 1 <= len(text) <= LONGEST_NOTE:
             raise StudyError(
                 f"The note has {len(text)} characters; write between 1 and {LONGEST_NOTE}."
@@ -278,6 +282,19 @@ class Study:
         from steerlab.study.runner import run
 
         return run(self._opened, participant, config)
+
+    def run_new(self, role: Role, config: "RunConfig") -> tuple[str, "RunReport"]:
+        """Enrol a participant and do their phases; nobody is enrolled for a run that is refused.
+
+        Returns:
+            their pseudonym, and what was done.
+
+        Raises:
+            SteerlabError: as of ``enrol`` and ``run``.
+        """
+        from steerlab.study.runner import run_new
+
+        return run_new(self._opened, role, config)
 
     def train(self, progress: Progress) -> "FrozenModel":
         """Train the network and freeze it.

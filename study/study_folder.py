@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from importlib import resources
 from pathlib import Path
+from shlex import quote
 
 from steerlab.sim.files.reading import reading
 from steerlab.sim.files.structured import utf8_text
@@ -109,7 +110,8 @@ class OpenStudy:
 
     def reading(self) -> AbstractContextManager[None]:
         """Whatever a damaged database makes of a block that reads it is a ``StudyError``."""
-        remedy = f"See steerlab study verify {self.folder}, or restore the folder's last copy."
+        again = f"steerlab study verify {quote(str(self.folder))}"
+        remedy = f"See {again}, or restore the folder's last copy."
         return reading(self.folder / STUDY_FILE, "a study", StudyError, remedy)
 
     @classmethod
@@ -123,7 +125,8 @@ class OpenStudy:
         """
         if not (folder / STUDY_FILE).is_file():
             raise StudyError(
-                f"There is no study in {folder}; make one with: steerlab study new {folder}"
+                f"There is no study in {folder}; make one with: steerlab study new "
+                f"{quote(str(folder))}"
             )
         questionnaires = study_questionnaires(folder)
         return cls(
@@ -206,7 +209,8 @@ class OpenStudy:
             self.draft()
             return
         frozen, text = versions[-1], read_protocol_text(self.folder)
-        remedy = f'Put it back, or record the change with: steerlab study amend {self.folder} --why "..."'
+        amend = f'steerlab study amend {quote(str(self.folder))} --why "..."'
+        remedy = f"Put it back, or record the change with: {amend}"
         now = protocol_sha256(text)
         if now != frozen.sha256:
             raise StudyError(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from itertools import pairwise
+from shlex import quote
 
 from steerlab.sim.errors import SteerlabError
 from steerlab.study.completeness import person_findings
@@ -348,7 +349,10 @@ def _withdrawals(study: OpenStudy) -> Iterator[StudyCheck]:
         if how is Departure.ERASING or left:
             where = f": {', '.join(sorted({path.name for path in left}))}" if left else ""
             result = f"the erasure of {participant} is not finished{where}"
-            remedy = f"Run again: steerlab study withdraw {study.folder} {participant} --erase"
+            remedy = (
+                f"Run again: steerlab study withdraw {quote(str(study.folder))} {participant} "
+                "--erase"
+            )
             yield StudyCheck(what="Withdrawal", found=result, ok=False, mend=remedy)
         unknown = [path.name for path in unknown_files(study.folder)]
         if how is Departure.ERASED and unknown:

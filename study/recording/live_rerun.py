@@ -67,19 +67,19 @@ class LiveRerun:
         """Open the attempt's file, and show the attempt in the viewer."""
         self._steps = 0
         with self._guarded("This drive's recording is not written", "file"):
-            from steerlab.study.recording.rebuild import new_stream, recording_file
+            from steerlab.study.recording.rebuild import new_stream, recording_file, save_stream
 
             path = self._folder / recording_file(*attempt.key)
             self._file = new_stream(rollout, attempt.participant, attempt.attempt)
-            self._file.save(path, default_blueprint=_layout(rollout, start))
+            save_stream(self._file, path, _layout(rollout, start))
             self._logs["file"] = _log_beginning(self._file, rollout, attempt, start)
         if self._viewer_is_there() and self._viewer is not None:
             with self._guarded("The drive is not shown in the viewer", "live"):
-                from steerlab.study.recording.rebuild import new_stream
+                from steerlab.study.recording.rebuild import connect_stream, new_stream
 
                 self._live = new_stream(rollout, attempt.participant, attempt.attempt)
                 layout = _layout(rollout, start)
-                self._live.connect_grpc(self._viewer.url, default_blueprint=layout)
+                connect_stream(self._live, self._viewer.url, layout)
                 self._logs["live"] = _log_beginning(self._live, rollout, attempt, start)
 
     def step(self, step: LabelledStep, times: StepTiming | None) -> None:

@@ -5,12 +5,13 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 from urllib.parse import quote
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+import rerun_bindings
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -58,6 +59,8 @@ def new_stream(rollout: StoredRollout, participant: str, attempt: int) -> rr.Rec
 
     All attempts at a rollout belong to one Rerun application, since Rerun keeps a layout for each.
     """
+    # Rerun keeps two threads of each stream that nobody has any more until this is called.
+    rerun_bindings.flush_and_cleanup_orphaned_recordings()
     stream = rr.RecordingStream(
         f"steerlab {rollout.name}",
         recording_id=f"{participant}/{rollout.name}/{attempt}",
@@ -66,6 +69,49 @@ def new_stream(rollout: StoredRollout, participant: str, attempt: int) -> rr.Rec
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     return stream
+
+
+def save_stream(stream: rr.RecordingStream, path: Path, blueprint: rrb.Blueprint) -> None:
+    """``stream.save`` with a layout, without the two threads that Rerun 0.41 then leaves for ever."""
+    with _layout_of(stream, blueprint) as layout_:
+        rerun_bindings.save(
+            path=str(path),
+            default_blueprint=layout_,
+            recording=stream.to_native(),
+            write_footer=True,
+        )
+
+
+def connect_stream(stream: rr.RecordingStream, url: str, blueprint: rrb.Blueprint) -> None:
+    """``stream.connect_grpc`` with a layout; see ``save_stream``."""
+    with _layout_of(stream, blueprint) as layout_:
+        rerun_bindings.connect_grpc(
+            url=url, default_blueprint=layout_, recording=stream.to_native()
+        )
+
+
+@contextmanager
+def _layout_of(stream: rr.RecordingStream, blueprint: rrb.Blueprint) -> Generator[Any]:
+    """A layout as Rerun's own code takes it, in a stream that is closed again.
+
+    Rerun makes such a stream itself, holds it by the memory that it writes to, and so never
+    closes it; this needs the same calls, which are not public: hence the pinned version.
+    """
+    held = rr.RecordingStream._from_native(
+        rerun_bindings.new_blueprint(
+            application_id=str(stream.get_application_id()),
+            make_default=False,
+            make_thread_default=False,
+            default_enabled=True,
+        )
+    )
+    held.set_time("blueprint", sequence=0)
+    blueprint.to_blueprint()._log_to_stream(held)
+    memory = held.memory_recording()
+    try:
+        yield memory.storage
+    finally:
+        held.disconnect()
 
 
 def open_study(folder: Path) -> StudyStore:
@@ -141,8 +187,8 @@ def rebuild_recording(
         RecordingUnavailable: there is nothing to write, or it cannot be written.
         StoreError: the store cannot be read.
     """
-    guard = ErasureGuard.of(folder)
     with open_study(folder) as store:
+        guard = ErasureGuard.of(store.path.parent)
         attempts = choose(store, participant=participant, rollout=rollout, attempt=attempt)
         try:
             out.parent.mkdir(parents=True, exist_ok=True)
@@ -206,7 +252,7 @@ def whole_recording(
     """
     with whole_file(out) as part:
         try:
-            stream.save(part, default_blueprint=blueprint)
+            save_stream(stream, part, blueprint)
             yield
             stream.flush()
         finally:

@@ -71,6 +71,9 @@ class StoreConnection:
     def open(cls, path: Path, *, read_only: bool) -> Self:
         """Open an existing study database.
 
+        Args:
+            read_only: change nothing; also from where nothing can be written.
+
         Raises:
             StoreError: the file is missing, foreign, damaged, locked or of another version.
         """
@@ -145,13 +148,38 @@ class StoreConnection:
 
 
 def connect(path: Path, *, read_only: bool) -> sqlite3.Connection:
-    """A connection in autocommit, with foreign keys on and one fsync per checkpoint."""
-    mode = "ro" if read_only else "rw"
-    uri = f"{path.resolve().as_uri()}?mode={mode}"
+    """A connection in autocommit, with foreign keys on and one fsync per checkpoint.
+
+    To read from a read-only medium SQLite must be told that the file cannot change, since it can
+    keep no locks beside it. That is true of a file without a log (``-wal``) alone.
+
+    Raises:
+        StoreError: there is a log, and nothing can be written beside it.
+        sqlite3.Error: the file cannot be opened.
+    """
+    if not read_only:
+        return _connect(path, "mode=rw")
+    try:
+        return _connect(path, "mode=ro")
+    except sqlite3.Error as error:
+        if error.sqlite_errorcode & 0xFF not in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY):
+            raise
+        log = Path(f"{path.resolve()}-wal")
+        if log.exists() and log.stat().st_size:
+            raise StoreError(
+                f"{path} was copied while a program had it open, or that program died: what was "
+                f"kept last is in {log.name}, which can be read only where files can be written. "
+                f"Copy the whole folder to such a place."
+            ) from error
+        return _connect(path, "mode=ro&immutable=1")
+
+
+def _connect(path: Path, options: str) -> sqlite3.Connection:
+    uri = f"{path.resolve().as_uri()}?{options}"
     connection = sqlite3.connect(uri, uri=True, isolation_level=None, timeout=BUSY_TIMEOUT_S)
     try:
         connection.execute("PRAGMA foreign_keys = ON")
-        connection.execute("PRAGMA synchronous = NORMAL")
+        connection.execute("PRAGMA synchronous = NORMAL")  # reads the file
     except BaseException:  # no database, or a locked one
         connection.close()
         raise
@@ -189,6 +217,12 @@ def _fill(connection: sqlite3.Connection, path: Path) -> None:
 def _check_ours(connection: sqlite3.Connection, path: Path) -> None:
     """Refuse what this steerlab did not make and cannot read."""
     if connection.execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
+        if connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0:
+            raise StoreError(
+                f"{path} is empty: what was kept is in {path.name}-wal beside it, if that was "
+                f"not copied too. Copy the whole folder again, with every file, after closing the "
+                f"programs that use it; a new study begins with steerlab study new."
+            )
         raise StoreError(
             f"{path} is a SQLite file, but not one that steerlab made; give the study.db of a "
             f"study folder."

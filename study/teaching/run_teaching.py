@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from hashlib import sha256
+from shlex import quote
 
 import numpy as np
 
@@ -266,7 +267,7 @@ def _agent(request: TeachRequest) -> tuple[Agent, str | None]:
     if request.participant not in mapper.calibrated:
         raise TeachingError(
             f"{request.mapper} holds no w of {request.participant}, so their labels cannot be "
-            f"mapped; calibrate them again with: steerlab study redo {request.folder} "
+            f"mapped; calibrate them again with: steerlab study redo {quote(str(request.folder))} "
             f"{request.participant} calibration"
         )
     mappers: dict[str, LabelMapper] = {
