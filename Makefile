@@ -6,7 +6,7 @@ export PYTHON TORCH
 BIN := .venv/bin
 SETUP := pyproject.toml $(wildcard requirements/*.txt) tools/setup.sh tools/install.py
 
-.PHONY: help demo test check bench build lock clean
+.PHONY: help demo test check bench soak build lock clean
 
 help:
 	@echo "make demo    set everything up and run a small simulated study; ends in a report"
@@ -14,6 +14,7 @@ help:
 	@echo "make check   lint, format, types, layering"
 	@echo "make bench   speed and accuracy against their limits"
 	@echo "make build   wheel and sdist, the wheel tried in an environment of its own"
+	@echo "make soak    kills, damaged files and a long day, for hours (see docs/promises.md)"
 	@echo "make lock    the lists of packages in requirements/ made again from pyproject.toml"
 
 demo: .venv/.steerlab-run
@@ -30,6 +31,9 @@ check: .venv/.steerlab-dev
 
 bench: .venv/.steerlab-dev
 	$(BIN)/python -m benchmarks.run
+
+soak: .venv/.steerlab-dev
+	$(BIN)/python -m tests.faults.soak
 
 build: .venv/.steerlab-dev
 	rm -rf dist build

@@ -1,6 +1,5 @@
 """The summary of a simulated study: the numbers that its JSON file and its report both show."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import isfinite
@@ -9,6 +8,7 @@ from typing import Any, Self
 
 from steerlab.learning.label_quality import LabelQuality
 from steerlab.sim.errors import InvalidValue, SteerlabError
+from steerlab.sim.files.run_folder import finite_json
 from steerlab.sim.files.structured import json_values, structured, versioned, within_file
 
 SUMMARY_SCHEMA = 1
@@ -203,7 +203,7 @@ def _check_finite(path: str, value: float) -> None:
 
 def summary_json(values: Mapping[str, Any]) -> str:
     """The text of ``summary.json``; a NaN is refused."""
-    return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return finite_json(values, "summary.json", indent=2) + "\n"
 
 
 def rounded(value: Any) -> Any:

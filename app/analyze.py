@@ -1,6 +1,5 @@
 """``steerlab analyze``: every table, figure and hypothesis of a study, as one folder."""
 
-import json
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
@@ -18,6 +17,8 @@ from steerlab.analysis.study_tables.report import AnalysisReport, render_analysi
 from steerlab.analysis.study_tables.tables import AnalysisConfig, analyse
 from steerlab.sim.files.output_folder import OutputError, output_folder
 from steerlab.sim.files.provenance import versions
+from steerlab.sim.files.run_folder import finite_json
+from steerlab.sim.names import alike, both_shown
 from steerlab.sim.progress import Progress
 from steerlab.study.derived import ERASED_BEFORE, ErasureGuard
 from steerlab.study.store.store import STUDY_FILE
@@ -102,7 +103,7 @@ def analyze(
     with output_folder(report, force=force or is_ours, placing=placing) as fresh:
         (fresh / PAGE).write_text(page, encoding="utf-8")
         (fresh / TABLES).write_text(analysis.to_json(), encoding="utf-8")
-        text = json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        text = finite_json(summary, SUMMARY) + "\n"
         (fresh / SUMMARY).write_text(text, encoding="utf-8")
         for name, csv in files.items():
             (fresh / name).write_text(csv, encoding="utf-8")
@@ -137,6 +138,14 @@ def _read(folder: Path, config: AnalyzeConfig, progress: Progress) -> StudyData:
 
 def with_conditions(data: StudyData, values: Sequence[ConditionValue]) -> StudyData:
     """``data`` with outcomes of conditions; of a study, only those of people who count."""
+    people = {person.id: None for person in data.people} | {one.person: None for one in values}
+    conditions = dict.fromkeys(one.condition for one in (*data.conditions, *values))
+    for what, names in (("Participants", people), ("Conditions", conditions)):
+        if pair := alike(names):
+            raise NotAStudy(
+                f"{what} {both_shown(*pair)}; write them in the outcomes of conditions as they are "
+                f"on record."
+            )
     if data.kind == "population run":  # its teachers are others than those who taught
         return replace(data, conditions=(*data.conditions, *values))
     counted = {person.id for person in data.people}

@@ -10,7 +10,7 @@ import signal
 import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, TextIO
 
 VERBS = (
     "demo",
@@ -32,17 +32,21 @@ VERBS = (
 """Each is a function of its name in a module of its name in ``commands``."""
 
 _WIDEST_HELP = 100  # characters
+_NARROWEST, _WIDEST = 40, 1000  # of a terminal: tyro never ends in a narrower one
 _SIGPIPE = getattr(signal, "SIGPIPE", 13)  # Windows has no such signal
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one verb: 0 all well, 1 it found something wrong, 2 it could not be done."""
     _print_every_character()
+    _write_as_wide_as_can_be_read()
     try:
         try:
             return _run(list(sys.argv[1:] if arguments is None else arguments))
         finally:
-            sys.stdout.flush()  # here, where a reader that has gone can still be told of
+            stdout: TextIO | None = sys.stdout  # none where it was closed, as by >&-
+            if stdout is not None:
+                stdout.flush()  # here, where a reader that has gone can still be told of
     except BrokenPipeError:  # whoever read what we print has seen enough, such as ``head``
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + _SIGPIPE
@@ -56,13 +60,25 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _print_every_character() -> None:
-    """Files get UTF-8, as all that steerlab writes; a terminal shows ? for what it cannot."""
+    """Files get UTF-8, as all that steerlab writes; a terminal shows ? for what it cannot.
+
+    A name of a file that is no text goes to files as the bytes that it is.
+    """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             if stream.isatty():
                 stream.reconfigure(errors="replace")
             else:
-                stream.reconfigure(encoding="utf-8")
+                stream.reconfigure(encoding="utf-8", errors="surrogateescape")
+
+
+def _write_as_wide_as_can_be_read() -> None:
+    """Take a terminal for 40 to 1000 characters wide, whatever it says."""
+    from shutil import get_terminal_size
+
+    width = get_terminal_size().columns
+    if not _NARROWEST <= width <= _WIDEST:
+        os.environ["COLUMNS"] = str(min(max(width, _NARROWEST), _WIDEST))
 
 
 def verb_function(verb: str) -> Callable[..., int]:
@@ -137,11 +153,14 @@ def _run_verb(verb: str, arguments: list[str]) -> int:
 
     import tyro
 
+    from steerlab.app.commands.arguments import READ_AS
     from steerlab.sim.errors import SteerlabError
 
     logging.basicConfig(format="steerlab: %(message)s", level=logging.WARNING)
     try:
-        return tyro.cli(verb_function(verb), prog=f"steerlab {verb}", args=arguments)
+        return tyro.cli(
+            verb_function(verb), prog=f"steerlab {verb}", args=arguments, registry=READ_AS
+        )
     except SteerlabError as error:
         print(f"steerlab: {error}", file=sys.stderr)
         return 2

@@ -95,7 +95,7 @@ def _versions() -> CheckResult:
 def _camera() -> list[CheckResult]:
     from steerlab.sim.engine.camera import Camera, CameraConfig
     from steerlab.sim.engine.driving import Driving
-    from steerlab.sim.engine.gl import INSTALL_HINT
+    from steerlab.sim.engine.gl import INSTALL_HINT, why_not
     from steerlab.sim.world_generator import generate_world
 
     backend = os.environ.get("MUJOCO_GL", "none")
@@ -107,7 +107,8 @@ def _camera() -> list[CheckResult]:
                 with Camera(driving.model, driving.data, config) as camera:
                     frame_ms = _ms_per_call(camera.frame)
             except NoRenderer as error:
-                return [CheckResult(what="OpenGL", found=str(error), ok=False, mend=INSTALL_HINT)]
+                mend = "Unset MUJOCO_GL, and run this again." if why_not() else INSTALL_HINT
+                return [CheckResult(what="OpenGL", found=str(error), ok=False, mend=mend)]
             ok = frame_ms <= MAX_FRAME_MS
             mend = "" if ok else "Use a smaller picture, or a machine with a graphics driver."
             checks.append(CheckResult(what=what, found=f"{frame_ms:.1f} ms", ok=ok, mend=mend))

@@ -38,6 +38,8 @@ from steerlab.sim.files.provenance import versions
 from steerlab.sim.progress import Progress
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
+_log = logging.getLogger(__name__)
+
 
 @dataclass(frozen=True, kw_only=True)
 class FitConfig:
@@ -91,6 +93,7 @@ def fit(
         table = label_table(read_label_columns(labels), config.scale)
         progress("reading labels", 1.0)
         plan = plan_folds(table, config.folds, config.seed)
+        too_short = _too_short(plan, preset(config.preset).window.half_width_s)
         read_s = perf_counter() - started
         result = cross_validate(
             plan,
@@ -121,11 +124,13 @@ def fit(
         progress("writing the report", 0.0)
         seconds["before_report"] = perf_counter() - started
         summary = summarise(result, table, config.seed, seconds)
-        facts = _facts(labels.name, table, plan, result, config)
+        facts = _facts(labels.name, table, plan, result, config, too_short)
         page = render_fit_report(compose_report(result, summary, facts, command))
         (folder / "report" / "index.html").write_text(page, encoding="utf-8")
         (folder / "summary.json").write_text(summary.to_json(), encoding="utf-8")
         progress("writing the report", 1.0)
+    for notice in too_short:  # after the progress bar, above the headline
+        _log.warning("%s", notice)
     return summary
 
 
@@ -173,8 +178,28 @@ def mapped_table(table: LabelTable, result: CrossValidation) -> pa.Table:
     )
 
 
+def _too_short(plan: FoldPlan, half_width_s: float) -> list[str]:
+    """A sentence if rollouts that are scored have fewer valid labels than a window has room for."""
+    scored = [one for fold in plan.folds for one in (*fold.held_out_seen, *fold.held_out_new)]
+    short = [one for one in scored if one.valid.sum() < 2.0 * half_width_s * one.rate_hz]
+    if not short:
+        return []
+    fewest = min(short, key=lambda one: int(one.valid.sum()))
+    return [
+        f"{len(short)} of {len(scored)} held-out rollouts have fewer valid labels than MIND MELD's "
+        f"window of {2.0 * half_width_s:g} s has steps ({fewest.rollout!r} of {fewest.person!r}: "
+        f"{int(fewest.valid.sum())} at {fewest.rate_hz:g} Hz). What was removed there says little; "
+        f"record longer rollouts."
+    ]
+
+
 def _facts(
-    file: str, table: LabelTable, plan: FoldPlan, result: CrossValidation, config: FitConfig
+    file: str,
+    table: LabelTable,
+    plan: FoldPlan,
+    result: CrossValidation,
+    config: FitConfig,
+    too_short: list[str],
 ) -> LabelFacts:
     series = [given.series for given in table.given]
     rates = [s.rate_hz for s in series]
@@ -187,7 +212,7 @@ def _facts(
         limit=config.limit,
         folds=None if table.has_split else len(plan.folds),
         preset=config.preset,
-        notices=(*table.notices, *plan.notices, *result.notices),
+        notices=(*table.notices, *plan.notices, *too_short, *result.notices),
     )
 
 

@@ -12,6 +12,7 @@ from time import perf_counter_ns, sleep
 from typing import Any
 
 import numpy as np
+import pygame
 
 from steerlab.app.doctor import CheckResult
 from steerlab.sim.calibration_set import load_calibration_set
@@ -142,7 +143,11 @@ def check_loop(
     keep_ns: list[int] = []
     dropped = expected = 0
     clock = WallClock(PacingConfig(), events.poll)
-    with VirtualJoystick(axes=AXES) as joystick, MovingWheel(joystick) as mover:
+    with (
+        _stopped_by_quit(events),
+        VirtualJoystick(axes=AXES) as joystick,
+        MovingWheel(joystick) as mover,
+    ):
         device = WheelDevice(events, profiles=[virtual_profile(joystick)])
         device.connect()
         rollouts = load_calibration_set()
@@ -191,6 +196,21 @@ def check_loop(
         load=load_average(),
         failed=tuple(failed_gates(health, GateConfig())),
     )
+
+
+@contextmanager
+def _stopped_by_quit(events: SdlEvents) -> Generator[None]:
+    """The close button and SIGTERM, of which SDL makes an event, end the block as Ctrl+C does."""
+
+    def listen(event: pygame.event.Event, now_ns: int) -> None:
+        if event.type == pygame.QUIT:
+            raise KeyboardInterrupt
+
+    stop = events.listen(listen)
+    try:
+        yield
+    finally:
+        stop()
 
 
 class _Measuring:

@@ -19,7 +19,7 @@ from steerlab.teleop.devices.profile_folder import (
     StoredProfile,
     find_profile,
     shipped_profiles,
-    user_profiles,
+    sound_profiles,
 )
 from steerlab.teleop.devices.wizard import run_wizard
 from steerlab.teleop.screen.contract import Act, Page, Screen
@@ -59,13 +59,13 @@ class FoundWheel:
 
 
 def find_wheels(events: SdlEvents, folder: Path | None = None) -> list[FoundWheel]:
-    """All joysticks with axes that are plugged in.
+    """All joysticks with axes that are plugged in; of the user's profiles those that can be read.
 
     Raises:
-        DeviceError: a profile file is broken.
+        DeviceError: several profiles fit one of them.
     """
     events.poll()
-    profiles = [*user_profiles(folder), *shipped_profiles()]
+    profiles = [*sound_profiles(folder)[0], *shipped_profiles()]
     return [
         FoundWheel(joystick=joystick, stored=find_profile(joystick, profiles, this_system()))
         for joystick in list_joysticks()

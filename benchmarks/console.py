@@ -19,7 +19,6 @@ from time import perf_counter
 import httpx
 
 from benchmarks.rows import Row, at_least, at_most, print_rows
-from steerlab.app.console.experimenter_pages import COOKIE
 from steerlab.app.console.guard import csrf_token
 from steerlab.app.console.rendering import STATIC_TYPES, static_files
 from steerlab.study.contract import Role
@@ -52,9 +51,9 @@ def run() -> list[Row]:
         with _console(study) as (address, sign_in):
             lost, answer_ms, rate = _load(address, study, tokens)
             with httpx.Client(base_url=address) as client:
-                client.get(sign_in)
-                session = client.cookies[COOKIE]
-            visit = _Visit(address, session, tokens)
+                home = client.get(sign_in).headers["location"]
+                ((cookie, session),) = client.cookies.items()
+            visit = _Visit(address, home, cookie, session, tokens)
             alone, busy = asyncio.run(visit.pages(busy=False)), asyncio.run(visit.pages(busy=True))
     static_kb = sum(len(content) for content, _, _ in static_files().values()) / 1000
     heaviest_kb = max(size_kb for _, size_kb in alone.values()) + static_kb
@@ -151,8 +150,12 @@ def _load(address: str, folder: Path, tokens: Mapping[str, str]) -> tuple[int, l
 class _Visit:
     """The experimenter and a participant look at their pages."""
 
-    def __init__(self, address: str, session: str, tokens: Mapping[str, str]) -> None:
+    def __init__(
+        self, address: str, home: str, cookie: str, session: str, tokens: Mapping[str, str]
+    ) -> None:
         self._address = address
+        self._home = home
+        self._cookie = cookie
         self._session = session
         self._tokens = list(tokens.values())
 
@@ -161,15 +164,15 @@ class _Visit:
         token = self._tokens[0]
         paths = {
             "a questionnaire": f"/p/{token}/{PHASE}/{PART}",
-            f"list of {FINISHED + PEOPLE} participants": "/",
-            "a finished participant": "/participants/T001",
-            "one who answers": f"/participants/T{FINISHED + 1:03d}",
-            "checks": "/checks",
+            f"list of {FINISHED + PEOPLE} participants": self._home,
+            "a finished participant": f"{self._home}/participants/T001",
+            "one who answers": f"{self._home}/participants/T{FINISHED + 1:03d}",
+            "checks": f"{self._home}/checks",
         }
         found: dict[str, tuple[list[float], float]] = {}
         async with httpx.AsyncClient(
             base_url=self._address,
-            headers={"origin": self._address, "cookie": f"{COOKIE}={self._session}"},
+            headers={"origin": self._address, "cookie": f"{self._cookie}={self._session}"},
             limits=httpx.Limits(max_connections=PEOPLE),
             timeout=120,
         ) as client:
@@ -201,7 +204,7 @@ class _Visit:
                 group.create_task(_post(client, path, answer))
                 if number % CHECK_EVERY == 0:
                     form = {"csrf": csrf_token(self._session)}
-                    group.create_task(_post(client, "/checks", form))
+                    group.create_task(_post(client, f"{self._home}/checks", form))
                 await asyncio.sleep(ANSWER_EVERY_S / PEOPLE)
 
 

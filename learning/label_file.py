@@ -1,18 +1,18 @@
 """Anyone's labels: a CSV or Parquet file as checked columns. The format is in ``docs/fit.md``."""
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
-import pyarrow.parquet
 from numpy.typing import NDArray
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.series import CONTEXT
-from steerlab.sim.arrays import BoolArray, FloatArray
+from steerlab.sim.arrays import FloatArray
+from steerlab.sim.errors import shown
 from steerlab.sim.files.reading import reading
+from steerlab.sim.files.table_file import TableFile, read_table_file
 
 IntArray = NDArray[np.int64]
 
@@ -30,6 +30,7 @@ class LabelColumns:
     Attributes:
         person, rollout: indices into ``people`` and ``rollouts``, which are sorted.
         label, truth: NaN where the file has none, and where ``label_valid`` is false.
+        place: where a row is in the file, in words.
         t_s: None without such a column.
         split: indices into ``SPLITS``; None without such a column.
         context: further numeric columns by name.
@@ -43,6 +44,7 @@ class LabelColumns:
     step: IntArray
     label: FloatArray
     truth: FloatArray
+    place: Callable[[int], str]
     t_s: FloatArray | None = None
     split: IntArray | None = None
     context: dict[str, FloatArray] = field(default_factory=dict)
@@ -55,151 +57,102 @@ def read_label_columns(path: Path) -> LabelColumns:
     Raises:
         InvalidLabels: the file cannot be read, lacks a column, or a column holds what it may not.
     """
-    with reading(path, "a table of labels", InvalidLabels, "See docs/fit.md for what it may hold."):
-        return _columns(_table(path), path)
+    if not path.is_file():
+        is_what = "a folder" if path.is_dir() else "not there"
+        raise InvalidLabels(f"{path} is {is_what}; give a .csv or .parquet file of labels.")
+    what, remedy = "a table of labels", "See docs/fit.md for what it may hold."
+    file = read_table_file(
+        path,
+        what=what,
+        error=InvalidLabels,
+        remedy=remedy,
+        text=_TEXT,
+        known=(*_KNOWN, *_OUR_NAMES, *CONTEXT),
+    )
+    with reading(path, what, InvalidLabels, remedy):
+        return _columns(file)
 
 
-def _columns(table: pa.Table, path: Path) -> LabelColumns:
-    ours = "participant" in table.column_names and "person" not in table.column_names
+def _columns(file: TableFile) -> LabelColumns:
+    ours = "participant" in file.columns and "person" not in file.columns
     if ours:
-        table = table.rename_columns([_OUR_NAMES.get(n, n) for n in table.column_names])
-    names = table.column_names
+        names = [_OUR_NAMES.get(name, name) for name in file.columns]
+        file = replace(file, table=file.table.rename_columns(names))
+    names, path = file.columns, file.path
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise InvalidLabels(f"{path.name} has column {twice[0]!r} twice; rename or drop one.")
+        raise InvalidLabels(f"{path.name} has {twice[0]!r} under two names; drop one.")
     if missing := [name for name in REQUIRED if name not in names]:
         raise InvalidLabels(
             f"{path.name} lacks the column{'s' if len(missing) > 1 else ''} {', '.join(missing)}; "
-            f"it has {', '.join(names) or 'none'}. A label table needs {', '.join(REQUIRED)}."
+            f"it has {shown(names) if names else 'none'}. A label table needs "
+            f"{', '.join(REQUIRED)}."
         )
-    if table.num_rows == 0:
+    if file.table.num_rows == 0:
         raise InvalidLabels(f"{path.name} has columns but no rows; give it labels.")
     if "attempt" in names:
-        table = _last_attempts(table)
-    people, person = _codes(table, "person")
-    rollouts, rollout = _codes(table, "rollout")
-    label = _numbers(table, "label")
+        file = _last_attempts(file)
+    people, person = file.names("person")
+    rollouts, rollout = file.names("rollout")
+    label = file.numbers("label")
     if "label_valid" in names:
-        label = np.where(_flags(table, "label_valid"), label, np.nan)
+        label = np.where(file.flags("label_valid"), label, np.nan)
     wanted = [name for name in names if name not in _KNOWN and (not ours or name in CONTEXT)]
-    context, notices = _context(table, wanted)
-    t_s = _numbers(table, "t_s") if "t_s" in names else None
+    context, notices = _context(file, wanted)
+    t_s = file.numbers("t_s") if "t_s" in names else None
     if t_s is not None and not np.isfinite(t_s).all():
         row = int(np.argmin(np.isfinite(t_s)))
-        raise InvalidLabels(
-            f"Row {row + 1} has no finite t_s; fill the column, or drop it and give --rate-hz."
-        )
+        value = None if np.isnan(t_s[row]) else float(t_s[row])
+        remedy = "it must be finite: fill the column, or drop it and give --rate-hz"
+        raise file.wrong(row, "t_s", value, remedy)
     return LabelColumns(
         people=people,
         rollouts=rollouts,
         person=person,
         rollout=rollout,
-        step=_whole(table, "step"),
+        step=file.whole("step"),
         label=label,
-        truth=_numbers(table, "truth"),
+        truth=file.numbers("truth"),
         t_s=t_s,
-        split=_splits(table) if "split" in names else None,
+        split=_splits(file) if "split" in names else None,
         context=context,
+        place=file.place,
         notices=tuple(notices),
     )
 
 
-def _table(path: Path) -> pa.Table:
-    if not path.is_file():
-        what = "a folder" if path.is_dir() else "not there"
-        raise InvalidLabels(f"{path} is {what}; give a .csv or .parquet file of labels.")
-    if path.suffix.lower() == ".parquet":
-        return pyarrow.parquet.read_table(path)
-    if path.suffix.lower() == ".csv":
-        types = {name: pa.string() for name in _TEXT}  # "007" is a name, not the number 7
-        options = pyarrow.csv.ConvertOptions(column_types=types)
-        return pyarrow.csv.read_csv(path, convert_options=options)
-    raise InvalidLabels(f"{path.name} is neither .csv nor .parquet; convert or rename it.")
-
-
-def _codes(table: pa.Table, name: str) -> tuple[tuple[str, ...], IntArray]:
-    """The column's sorted distinct values, and each row's index into them (no string per row)."""
-    column = table.column(name)
-    if column.null_count:
-        raise InvalidLabels(f"Column {name} has {column.null_count} empty rows; name each one.")
-    try:
-        encoded = column.cast(pa.string()).combine_chunks().dictionary_encode()
-    except pa.ArrowException as error:
-        raise InvalidLabels(f"Column {name} is {column.type}; it must be text.") from error
-    values = encoded.dictionary.to_pylist()
-    if any(not value.strip() for value in values):
-        raise InvalidLabels(f"Column {name} has an empty name; name each {name}.")
-    order = sorted(range(len(values)), key=values.__getitem__)
-    rank = np.empty(len(values), dtype=np.int64)
-    rank[order] = np.arange(len(values))
-    return tuple(values[i] for i in order), rank[encoded.indices.to_numpy()]
-
-
-def _numbers(table: pa.Table, name: str) -> FloatArray:
-    column = table.column(name)
-    if not _is_numeric(column.type):
-        example = next((v for v in column.slice(0, 1000).to_pylist() if v is not None), None)
-        raise InvalidLabels(
-            f"Column {name} holds {column.type} such as {example!r}; it must hold numbers, "
-            f"and nothing (or NaN) where there is none."
-        )
-    return column.cast(pa.float64()).to_numpy()
-
-
-def _is_numeric(kind: pa.DataType) -> bool:
-    types = pa.types
-    return (
-        types.is_integer(kind)
-        or types.is_floating(kind)
-        or types.is_decimal(kind)
-        or types.is_null(kind)
-    )
-
-
-def _whole(table: pa.Table, name: str) -> IntArray:
-    values = _numbers(table, name)
-    whole = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < 2**53)
-    if not whole.all():
-        row = int(np.argmin(whole))
-        raise InvalidLabels(
-            f"Row {row + 1} has {name} {values[row]:g}; it must be a whole number in every row."
-        )
-    return values.astype(np.int64)
-
-
-def _flags(table: pa.Table, name: str) -> BoolArray:
-    column = table.column(name)
-    if column.null_count or not pa.types.is_boolean(column.type):
-        raise InvalidLabels(f"Column {name} is {column.type}; it must be true or false everywhere.")
-    return column.to_numpy()
-
-
-def _last_attempts(table: pa.Table) -> pa.Table:
-    _, person = _codes(table, "person")
-    rollouts, rollout = _codes(table, "rollout")
-    attempt = _whole(table, "attempt")
+def _last_attempts(file: TableFile) -> TableFile:
+    _, person = file.names("person")
+    rollouts, rollout = file.names("rollout")
+    attempt = file.whole("attempt")
     pair = person * len(rollouts) + rollout
     _, index = np.unique(pair, return_inverse=True)
     last = np.full(index.max() + 1, np.iinfo(np.int64).min)
     np.maximum.at(last, index, attempt)
     keep = attempt == last[index]
-    return table if keep.all() else table.filter(pa.array(keep))
+    return file if keep.all() else file.kept(keep)
 
 
-def _splits(table: pa.Table) -> IntArray:
-    values, codes = _codes(table, "split")
-    if unknown := [value for value in values if value not in SPLITS]:
-        raise InvalidLabels(f"split has {unknown[0]!r}; it may hold {', '.join(SPLITS)}.")
+def _splits(file: TableFile) -> IntArray:
+    values, codes = file.names("split", people_chose=False)
+    for code, value in enumerate(values):
+        if value not in SPLITS:
+            row = int(np.argmax(codes == code))
+            raise file.wrong(row, "split", value, f"it may be {', '.join(SPLITS)}")
     return np.array([SPLITS.index(value) for value in values])[codes]
 
 
-def _context(table: pa.Table, names: list[str]) -> tuple[dict[str, FloatArray], list[str]]:
+def _context(file: TableFile, names: list[str]) -> tuple[dict[str, FloatArray], list[str]]:
     context: dict[str, FloatArray] = {}
     notices: list[str] = []
     for name in names:
-        if not _is_numeric(table.column(name).type):
+        if not file.is_numeric(name):
             notices.append(f"Column {name} was left out: it is not numeric.")
             continue
-        values = _numbers(table, name)
+        try:
+            values = file.numbers(name)
+        except InvalidLabels as why:  # nanoseconds since 1970, say: MIND MELD does not read them
+            notices.append(f"Column {name} was left out: {why}")
+            continue
         if np.isfinite(values).all():
             context[name] = values
         else:

@@ -100,7 +100,7 @@ def label_table(columns: LabelColumns, scale: LabelScale) -> LabelTable:
         (columns.people[columns.person[row]], columns.rollouts[columns.rollout[row]])
         for row in first_rows
     ]
-    _check_steps(step, starts, ends, names)
+    _check_steps(columns, step, order, starts, ends, names)
     spans = step[ends - 1] - step[starts] + 1
     offsets = np.r_[0, np.cumsum(spans)]
     filled_at = np.repeat(offsets[:-1] - step[starts], ends - starts) + step
@@ -150,12 +150,13 @@ def _check_range(name: str, columns: LabelColumns, values: FloatArray, limit: fl
     beyond = np.abs(values) > limit * (1.0 + 1e-9)  # False for NaN
     if not beyond.any():
         return
-    row = int(np.argmax(beyond))
+    infinite = np.isinf(values)
+    row = int(np.argmax(infinite if infinite.any() else beyond))
     where = (
-        f"{columns.people[columns.person[row]]!r} on {columns.rollouts[columns.rollout[row]]!r}, "
-        f"step {columns.step[row]}"
+        f"{columns.place(row)} ({columns.people[columns.person[row]]!r} on "
+        f"{columns.rollouts[columns.rollout[row]]!r}, step {columns.step[row]})"
     )
-    if not np.isfinite(values[beyond]).all():
+    if infinite.any():
         raise InvalidLabels(f"{where}: {name} is infinite; leave it empty where there is none.")
     largest = float(np.abs(values[beyond]).max())
     raise InvalidLabels(
@@ -165,7 +166,12 @@ def _check_range(name: str, columns: LabelColumns, values: FloatArray, limit: fl
 
 
 def _check_steps(
-    step: IntArray, starts: IntArray, ends: IntArray, names: list[tuple[str, str]]
+    columns: LabelColumns,
+    step: IntArray,
+    order: IntArray,
+    starts: IntArray,
+    ends: IntArray,
+    names: list[tuple[str, str]],
 ) -> None:
     inside = np.ones(len(step) - 1, dtype=bool)
     inside[starts[1:] - 1] = False
@@ -173,8 +179,9 @@ def _check_steps(
     if len(repeats):
         person, rollout = names[int(np.searchsorted(starts, repeats[0], side="right")) - 1]
         raise InvalidLabels(
-            f"{person!r} on {rollout!r} has step {step[repeats[0]]} twice; number the steps of "
-            f"each rollout, or give an attempt column."
+            f"{columns.place(int(order[repeats[0] + 1]))}: {person!r} on {rollout!r} has step "
+            f"{step[repeats[0]]} twice; number the steps of each rollout, or give an attempt "
+            f"column."
         )
     rows = ends - starts
     sparse = np.flatnonzero(step[ends - 1] - step[starts] + 1 > _MOST_MISSING * rows)
@@ -209,10 +216,17 @@ def _rates(
     backwards = timed & ~(step_s > 0.0)
     if off.any() or backwards.any():
         row = int(np.argmax(off)) if off.any() else int(starts[np.argmax(backwards)])
-        person, rollout = names[int(np.searchsorted(starts, row, side="right")) - 1]
+        index = int(np.searchsorted(starts, row, side="right")) - 1
+        rows = slice(starts[index], ends[index])
+        pace_s = np.diff(t_s[rows]) / np.diff(step[rows])
+        usual_s = float(np.median(pace_s))
+        late = int(starts[index] + 1 + np.argmax(np.abs(pace_s - usual_s)))  # least like the others
+        person, rollout = names[index]
         raise InvalidLabels(
-            f"{person!r} on {rollout!r}, step {step[row]}: t_s {t_s[row]:g} is not evenly spaced; "
-            f"resample the labels, or drop the column and give --rate-hz."
+            f"{columns.place(int(order[late]))}: t_s of {person!r} on {rollout!r} is not evenly "
+            f"spaced: it goes from {t_s[late - 1]:g} at step {step[late - 1]} to {t_s[late]:g} at "
+            f"step {step[late]}, and mostly by {usual_s:g} a step. Resample the labels, or drop "
+            f"the column and give --rate-hz."
         )
     rates = np.round(1.0 / step_s, 4)
     if not timed.any():

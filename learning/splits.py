@@ -7,7 +7,7 @@ fold k's own people as new ones. So K fits give each label exactly one held-out 
 them as a new person's.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from steerlab.learning.label_table import LabelTable
 
 HELD_OUT_EVERY = 4  # of 12 rollouts, 9 train and 3 are held out
+_TELLING = 10  # steps: two drives do not begin with the same ten truths by chance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,13 +161,15 @@ def _by_column(usable: list[tuple[LabelSeries, str | None]], notices: list[str])
     ):
         if both:
             raise InvalidLabels(f"split: {some_names(sorted(both))} is {why}.")
-    trained = {drive.rollout for drive in parts["train"]}
-    held_out = {drive.rollout for drive in [*parts["heldout"], *parts["new_test"]]}
-    if shared := sorted(trained & held_out):
+    drive_of = _drives([drive for drive, _ in usable])
+    trained = {drive_of[one.rollout] for one in parts["train"]}
+    held_out = [*parts["heldout"], *parts["new_test"]]
+    if shared := sorted({one.rollout for one in held_out if drive_of[one.rollout] in trained}):
         notices.append(
             f"{some_names(shared)}: held out for some people, trained on by others, so its truth "
             f"is not new to the network; improvements may be flattered."
         )
+    notices += _same_truth(drive_of, "the split column says where each goes")
     only = StudySplit(
         train_seen=tuple(parts["train"]),
         held_out_seen=tuple(parts["heldout"]),
@@ -179,18 +182,24 @@ def _by_column(usable: list[tuple[LabelSeries, str | None]], notices: list[str])
 
 def _by_dealing(series: list[LabelSeries], count: int, seed: int, notices: list[str]) -> FoldPlan:
     people = list(dict.fromkeys(drive.person for drive in series))
-    rollouts = list(dict.fromkeys(drive.rollout for drive in series))
+    drive_of = _drives(series)
+    rollouts = list(dict.fromkeys(drive_of.values()))
+    notices += _same_truth(drive_of, "they are held out together")
     for what, names in (("people", people), ("rollouts", rollouts)):
         if len(names) < count:
+            counted_once = what == "rollouts" and len(names) < len(drive_of)
             remedy = (
                 f"give --folds {len(names)} or fewer" if len(names) > 1 else "more must be recorded"
             )
             raise InvalidLabels(
-                f"{len(names)} {what} with labels and truth cannot make {count} folds; {remedy}."
+                f"{len(names)} {what} with labels and truth cannot make {count} folds"
+                f"{' (one truth is one rollout, whatever its names)' if counted_once else ''}; "
+                f"{remedy}."
             )
     # Dealt in turn, in the order in which people have them: whether names are shared by all or
     # each person's own, everyone's rollouts are spread over as many folds as there can be.
-    rollout_fold = {name: index % count for index, name in enumerate(rollouts)}
+    drive_fold = {name: index % count for index, name in enumerate(rollouts)}
+    rollout_fold = {name: drive_fold[drive] for name, drive in drive_of.items()}
     shuffled = np.random.default_rng(seed).permutation(len(people))
     person_fold = {people[index]: rank % count for rank, index in enumerate(shuffled)}
     folds = tuple(_fold(series, number, person_fold, rollout_fold) for number in range(count))
@@ -212,6 +221,59 @@ def _by_dealing(series: list[LabelSeries], count: int, seed: int, notices: list[
             f"be learned from when they were held out."
         )
     return FoldPlan(folds=folds, fit=tuple(series), notices=tuple(notices))
+
+
+def _drives(series: Sequence[LabelSeries]) -> dict[str, str]:
+    """For each rollout the first one that has the same truth: one drive under two names.
+
+    Whoever trains on one of them has learned the truth of the other, so folds must not part them.
+    A truth that ends, or has a gap, where the other goes on is the same from ``_TELLING`` steps on.
+    A constant one is nobody's in particular.
+    """
+    drive_of = {drive.rollout: drive.rollout for drive in series}
+    place = {rollout: number for number, rollout in enumerate(drive_of)}
+
+    def first(rollout: str) -> str:
+        while drive_of[rollout] != rollout:
+            rollout = drive_of[rollout]
+        return rollout
+
+    begins: list[tuple[bytes, str]] = []  # those of which each is how the next one begins
+    for truth, rollout in sorted({(_telling(drive), drive.rollout) for drive in series}):
+        while begins and not truth.startswith(begins[-1][0]):
+            begins.pop()
+        if begins and truth and (truth == begins[-1][0] or len(begins[-1][0]) >= 8 * _TELLING):
+            one, other = sorted((first(begins[-1][1]), first(rollout)), key=place.__getitem__)
+            drive_of[other] = one
+        begins.append((truth, rollout))
+    return {rollout: first(rollout) for rollout in drive_of}
+
+
+def _telling(drive: LabelSeries) -> bytes:
+    """The truth up to its first gap, 8 bytes a step; empty if it tells no drive from another."""
+    known = np.isfinite(drive.truth)
+    start = int(np.argmax(known))
+    gaps = np.flatnonzero(~known[start:])
+    stop = start + int(gaps[0]) if len(gaps) else len(known)
+    truth = drive.truth[start:stop] + 0.0  # -0.0 is 0.0
+    if np.ptp(truth) == 0.0 or (known[stop:].any() and len(truth) < _TELLING):
+        return b""
+    return truth.tobytes()
+
+
+def _same_truth(drive_of: Mapping[str, str], then: str) -> list[str]:
+    """What the report says of rollouts with one truth under several names."""
+    groups: dict[str, list[str]] = {}
+    for rollout, drive in drive_of.items():
+        groups.setdefault(drive, []).append(rollout)
+    same = [some_names(names) for names in groups.values() if len(names) > 1]
+    if not same:
+        return []
+    more = f" and {len(same) - 3} more" if len(same) > 3 else ""
+    return [
+        f"Rollouts that have one and the same truth are one drive, whatever their names: "
+        f"{'; '.join(same[:3])}{more}. So {then}."
+    ]
 
 
 def _fold(

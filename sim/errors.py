@@ -1,10 +1,20 @@
 """Errors a user can fix; the command line prints them in one sentence and exits with code 2."""
 
+import unicodedata
+
+_TURNS_THE_ORDER = "\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
+_LONGEST = 1500  # characters of a message
 _LONGEST_SHOWN = 80  # characters of a value: an error is a sentence
 
 
 class SteerlabError(Exception):
     """Base of every error that names a value, the cause and the remedy."""
+
+    def __str__(self) -> str:
+        """The sentences, their middle left out if a value in them is endless."""
+        text = super().__str__()
+        half = _LONGEST // 2
+        return text if len(text) <= _LONGEST else f"{text[:half]} ... {text[-half:]}"
 
 
 class InvalidConfig(SteerlabError, ValueError):
@@ -96,6 +106,19 @@ def check_words(path: str, text: str) -> None:
     """
     if not text.strip():
         raise InvalidValue(path, text, "some words")
+
+
+def unreadable(text: str) -> str:
+    """The first character that would act on a terminal or a page instead of being read; "" if none.
+
+    Control characters but tabs and ends of lines, marks that turn the order of what follows, and
+    what stands for bytes that are no text.
+    """
+    for one in text:
+        kind = unicodedata.category(one)
+        if kind == "Cs" or (kind == "Cc" and one not in "\t\n") or one in _TURNS_THE_ORDER:
+            return one
+    return ""
 
 
 def shown(value: object) -> str:

@@ -11,6 +11,8 @@ from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherStyle
 PopulationKind = Literal["paper", "low", "human", "high"]
 _KINDS: dict[str, int] = {"paper": 0, "low": 1, "human": 2, "high": 3}
 """By kind, its number in seeds: whoever adds a kind gives it the next one."""
+LONGEST_SEED = 10
+"""Digits of a seed that is written in a text, as in ``scripted:human:3``."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.engine.driving import Driving, DrivingConfig, draw_start
-from steerlab.sim.errors import InvalidConfig, InvalidWorld, NoPath
+from steerlab.sim.errors import InvalidConfig, InvalidWorld, NoPath, shown
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.ground_truth import Planner, PlannerConfig
 from steerlab.sim.rollout import Outcome
@@ -26,6 +26,7 @@ HELD_STEPS = 2  # control steps a decision lasts
 _FARTHEST_M = 78.0  # a generated ball must be within what the time limit lets one drive
 _SCREEN_TRIES = 20  # starts drawn for each one wanted
 _TRIES = 1000
+_LONGEST_NUMBER = 10  # digits of a generated world
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,11 +103,11 @@ def make_task(name: str, *, noise: float = 0.5, speed_mps: float = 5.0) -> Task:
     if name in NAMED_TASKS:
         return Task(name=name, world=_named_world(name), noise=noise, speed_mps=speed_mps)
     number = name.removeprefix(GENERATED)
-    if name.startswith(GENERATED) and number.isdecimal():
+    if name.startswith(GENERATED) and number.isdecimal() and len(number) <= _LONGEST_NUMBER:
         world = generated_world(int(number))
         return Task(name=name, world=world, noise=noise, speed_mps=speed_mps)
     raise InvalidConfig(
-        f"No task {name!r}; choose one of {', '.join(NAMED_TASKS)}, or {GENERATED}<number> such as "
+        f"No task {shown(name)}; choose one of {', '.join(NAMED_TASKS)}, or {GENERATED}<number> such as "
         f"{GENERATED}3."
     )
 

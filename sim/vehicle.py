@@ -1,7 +1,7 @@
 """The car's dimensions and limits, shared by the physics, the planner and the wheel."""
 
 from dataclasses import dataclass
-from math import hypot, tan
+from math import hypot, inf, tan
 
 from steerlab.sim.errors import InvalidConfig
 
@@ -27,8 +27,8 @@ class CarConfig:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not value > 0.0:
-                raise InvalidConfig(f"CarConfig.{name} is {value}; it must be positive.")
+            if not 0.0 < value < inf:
+                raise InvalidConfig(f"CarConfig.{name} is {value}; it must be positive and finite.")
         if self.cruise_speed_mps > self.max_speed_mps:
             raise InvalidConfig(
                 f"cruise_speed_mps {self.cruise_speed_mps} exceeds max_speed_mps "

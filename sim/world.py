@@ -1,7 +1,7 @@
 """What a world is: ground, blocks, a ball to reach, and where the car starts."""
 
 from dataclasses import asdict, dataclass
-from math import hypot
+from math import hypot, isfinite
 from typing import Any
 
 from steerlab.sim.errors import InvalidValue, InvalidWorld
@@ -23,6 +23,9 @@ class Block:
     height_m: float = 2.5
 
     def __post_init__(self) -> None:
+        numbers = (self.x_m, self.y_m, self.half_x_m, self.half_y_m, self.height_m)
+        if not all(map(isfinite, numbers)):
+            raise InvalidWorld(f"{self} has a number that is not finite.")
         if not min(self.half_x_m, self.half_y_m, self.height_m) > 0.0:
             raise InvalidWorld(f"{self} has a size that is not positive.")
 
@@ -44,7 +47,8 @@ class WorldSpec:
     """A square ground of side ``2 * half_extent_m`` centred on the origin.
 
     Raises:
-        InvalidWorld: the ball or the start lies outside the ground or inside a block.
+        InvalidWorld: the ball or the start lies outside the ground or inside a block, or a number
+            is not finite.
     """
 
     name: str
@@ -54,6 +58,13 @@ class WorldSpec:
     half_extent_m: float = 50.0
 
     def __post_init__(self) -> None:
+        start = self.start
+        numbers = (*self.ball_xy_m, start.x_m, start.y_m, start.heading_rad, self.half_extent_m)
+        if not all(map(isfinite, numbers)):
+            raise InvalidWorld(
+                f"World {self.name!r}: ball {self.ball_xy_m}, {start} and ground of "
+                f"±{self.half_extent_m} m must be finite."
+            )
         for what, (x_m, y_m), clearance_m in (
             ("ball", self.ball_xy_m, BALL_RADIUS_M),
             ("start", (self.start.x_m, self.start.y_m), 0.0),

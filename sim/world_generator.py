@@ -30,6 +30,9 @@ class WorldConfig:
         fewest, most = self.blocks
         if not 0 <= fewest <= most:
             raise InvalidConfig(f"blocks is {self.blocks}; give (fewest, most) with 0 <= fewest.")
+        for name, value in vars(self).items():
+            if not np.isfinite(value).all():
+                raise InvalidConfig(f"{name} is {value}; it must be finite.")
         if self.min_start_to_ball_m > 1.6 * self.half_extent_m:
             raise InvalidConfig(
                 f"min_start_to_ball_m {self.min_start_to_ball_m} does not fit a ground of "

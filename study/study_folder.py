@@ -59,11 +59,13 @@ def new_study(folder: Path, template: str) -> None:
             raise StudyError(f"{path} exists already; choose another folder.")
     parse_protocol(text, source.name, study_questionnaires(folder))
     try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        folder.mkdir(parents=True, exist_ok=True)
+        folder.chmod(0o700)  # answers and labels are nobody else's business
         with workspace(folder / "new") as room:
             (room / PROTOCOL_FILE).write_text(text, encoding="utf-8")
             StudyStore.create(room / STUDY_FILE).close()
             for name in (PROTOCOL_FILE, STUDY_FILE):
+                (room / name).chmod(0o600)
                 rename_durably(room / name, folder / name)
     except OSError as error:
         raise StudyError(

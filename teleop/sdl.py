@@ -41,6 +41,7 @@ class SdlEvents:
     """
 
     def __init__(self, *, window: bool) -> None:
+        self._window = window
         if window:
             if os.environ.get("SDL_VIDEODRIVER") == "dummy":
                 del os.environ["SDL_VIDEODRIVER"]
@@ -67,8 +68,14 @@ class SdlEvents:
         return stop
 
     def poll(self) -> None:
-        """Empty the queue; cheap (about 10 µs) when nothing happened."""
+        """Empty the queue; cheap (about 10 µs) when nothing happened.
+
+        Raises:
+            KeyboardInterrupt: SDL has taken a SIGTERM, and there is no window to hear of it.
+        """
         for event in pygame.event.get():
+            if event.type == pygame.QUIT and not self._window:
+                raise KeyboardInterrupt
             now_ns = perf_counter_ns()
             for listener in tuple(self._listeners):
                 listener(event, now_ns)

@@ -31,9 +31,12 @@ def _without_posix() -> ModuleType:
 HIDDEN = _without_posix()
 FILES = sorted(path for layer in HIDDEN.LAYERS for path in (TOP / layer).rglob("*.py"))
 GUARDED = {
+    ("app/console/connections.py", "resource"),
+    ("app/console/priority.py", "os.nice"),
     ("sim/files/whole_file.py", "os.O_DIRECTORY"),
     ("sim/files/machine.py", "os.sched_getaffinity"),
     ("sim/files/machine.py", "os.getloadavg"),
+    ("sim/engine/camera.py", "os.register_at_fork"),
 }
 """Names that not every system has, and the only places that use them: where they are asked for."""
 

@@ -1,18 +1,15 @@
 """Outcomes of conditions, from a table or from the folder of a ``steerlab teach`` run."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv as pv
-import pyarrow.parquet as pq
 
 from steerlab.analysis.study_data.records import ConditionValue, Exclusion, NotAStudy
 from steerlab.analysis.study_data.teach_shard import TeachShard, read_teach_shard
+from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig, shown
 from steerlab.sim.files.reading import reading
+from steerlab.sim.files.table_file import TableFile, read_table_file
 
 METRICS = ("success", "final_distance_m", "label_mae")
 _KEYS = ("participant", "condition", "round")
@@ -30,10 +27,17 @@ def read_conditions(path: Path) -> tuple[ConditionValue, ...]:
     """
     if path.is_dir():
         return _of_shards(path)
-    remedy = f"Give a .csv or .parquet table with {_EXAMPLE}."
-    with reading(path, "a table of outcomes", NotAStudy, remedy):
-        parquet = path.suffix.lower() == ".parquet"
-        return _of_table(pq.read_table(path) if parquet else pv.read_csv(path), path)
+    what, remedy = "a table of outcomes", f"Give a .csv or .parquet table with {_EXAMPLE}."
+    file = read_table_file(
+        path,
+        what=what,
+        error=NotAStudy,
+        remedy=remedy,
+        text=("participant", "condition"),
+        known=(*_KEYS, *METRICS, "position"),
+    )
+    with reading(path, what, NotAStudy, remedy):
+        return _of_table(file)
 
 
 def left_out_teachers(path: Path) -> tuple[Exclusion, ...]:
@@ -46,39 +50,67 @@ def left_out_teachers(path: Path) -> tuple[Exclusion, ...]:
     )
 
 
-def _of_table(table: pa.Table, path: Path) -> tuple[ConditionValue, ...]:
-    names = table.column_names
-    metrics = [name for name in METRICS if name in names]
+def _of_table(file: TableFile) -> tuple[ConditionValue, ...]:
+    names, path = file.columns, file.path
+    metrics = {name: _metric(file, name) for name in METRICS if name in names}
     if missing := [name for name in _KEYS if name not in names]:
         raise NotAStudy(f"{path} lacks {', '.join(missing)}; it needs {_EXAMPLE}.")
     if not metrics:
         raise NotAStudy(f"{path} has {shown(names)}; it needs {_EXAMPLE}.")
+    if file.table.num_rows == 0:
+        return ()
+    people, person = file.names("participant")
+    conditions, condition = file.names("condition")
+    rounds = file.whole("round")
+    if (rounds < 0).any():
+        row = int(np.argmax(rounds < 0))
+        raise file.wrong(row, "round", int(rounds[row]), "it must be a whole number from 0")
+    positions = _positions(file) if "position" in names else np.full(len(rounds), np.nan)
     values: list[ConditionValue] = []
     seen: set[tuple[str, str, int]] = set()
-    for line, row in enumerate(table.to_pylist(), start=2):
-        where = f"{path}, row {line}"
-        key = (_text(row, "participant", where), _text(row, "condition", where))
-        round_ = _whole(row["round"], "round", where)
-        if (*key, round_) in seen:
+    for row, round_ in enumerate(rounds.tolist()):
+        key = (people[person[row]], conditions[condition[row]], round_)
+        if key in seen:
             raise NotAStudy(
-                f"{where}: {shown(key[0])} has {shown(key[1])} in round {round_} twice."
+                f"{file.place(row)}: {shown(key[0])} has {shown(key[1])} in round {round_} twice."
             )
-        seen.add((*key, round_))
-        position = row.get("position")
-        for metric in metrics:
-            if row[metric] is None:
-                continue
-            values.append(
-                ConditionValue(
-                    person=key[0],
-                    condition=key[1],
-                    metric=metric,
-                    value=_number(row[metric], metric, where),
-                    round=round_,
-                    position=None if position is None else _whole(position, "position", where),
-                )
+        seen.add(key)
+        values += [
+            ConditionValue(
+                person=key[0],
+                condition=key[1],
+                metric=metric,
+                value=float(of_metric[row]),
+                round=round_,
+                position=None if np.isnan(positions[row]) else int(positions[row]),
             )
+            for metric, of_metric in metrics.items()
+            if not np.isnan(of_metric[row])
+        ]
     return tuple(values)
+
+
+def _metric(file: TableFile, name: str) -> FloatArray:
+    """(rows,) NaN where the cell is empty; truth values are 0 and 1."""
+    values = file.numbers(name, truth_values=True)
+    if np.isinf(values).any():
+        row = int(np.argmax(np.isinf(values)))
+        raise file.wrong(row, name, float(values[row]), "it must be a finite number, or empty")
+    outside = (values < 0.0) | (values > 1.0)  # False for NaN
+    if name == "success" and outside.any():
+        row = int(np.argmax(outside))
+        raise file.wrong(row, name, float(values[row]), "it must be from 0 to 1")
+    return values
+
+
+def _positions(file: TableFile) -> FloatArray:
+    """(rows,) NaN where the cell is empty."""
+    values = file.numbers("position")
+    wrong = ~np.isnan(values) & ((values < 0.0) | (values != np.round(values)) | np.isinf(values))
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise file.wrong(row, "position", float(values[row]), "it must be a whole number from 0")
+    return values
 
 
 def _of_shards(folder: Path) -> tuple[ConditionValue, ...]:
@@ -119,26 +151,3 @@ def _of_shard(shard: TeachShard) -> list[ConditionValue]:
                         )
                     )
     return outcomes
-
-
-def _text(row: Mapping[str, Any], name: str, where: str) -> str:
-    value = row[name]
-    if value is None or not str(value).strip():
-        raise NotAStudy(f"{where}: {name} is empty; every row needs one.")
-    return str(value)
-
-
-def _whole(value: Any, name: str, where: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise NotAStudy(f"{where}: {name} is {shown(value)}; it must be a whole number from 0.")
-    return value
-
-
-def _number(value: Any, name: str, where: str) -> float:
-    if isinstance(value, bool):
-        return float(value)
-    if not isinstance(value, int | float) or not np.isfinite(value):
-        raise NotAStudy(f"{where}: {name} is {shown(value)}; it must be a finite number, or empty.")
-    if name == "success" and not 0.0 <= value <= 1.0:
-        raise NotAStudy(f"{where}: success is {value}; it must be from 0 to 1.")
-    return float(value)

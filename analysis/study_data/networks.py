@@ -1,5 +1,6 @@
 """Networks for an analysis: trained without the held-out rollouts, one a seed, and judged on them."""
 
+import logging
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from steerlab.learning.presets import MapperConfig
 
 
+_log = logging.getLogger(__name__)
 _FEWEST_ROLLOUTS = 3  # of which one is held out
 _FEWEST_PEOPLE = 3
 
@@ -99,9 +101,12 @@ def network_for(
     mapper.fit(split.train_seen)
     if split.calibrate_new:
         mapper.calibrate(split.calibrate_new)
-    cache.mkdir(parents=True, exist_ok=True)
-    with whole_file(path, placing) as temporary:
-        save_mapper(mapper, temporary)
+    try:
+        cache.mkdir(parents=True, exist_ok=True)
+        with whole_file(path, placing) as temporary:
+            save_mapper(mapper, temporary)
+    except OSError as error:  # a read-only medium costs the training anew, nothing else
+        _log.warning("the network is not kept in %s: %s", cache, error.strerror or error)
     return mapper
 
 

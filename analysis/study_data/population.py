@@ -24,7 +24,7 @@ def is_population_run(folder: Path) -> bool:
 
 
 def read_population(folder: Path, *, networks: int, progress: Progress) -> StudyData:
-    """A run with its network, and ``networks`` - 1 more that are trained on other seeds.
+    """A run with its network, and ``networks`` - 1 more that are trained on other seeds; 0 for none.
 
     Raises:
         NotAStudy: a file is missing or damaged.
@@ -32,8 +32,8 @@ def read_population(folder: Path, *, networks: int, progress: Progress) -> Study
     """
     from steerlab.learning.checkpoint import load_mapper
 
-    if networks < 1:
-        raise InvalidConfig(f"seeds is {networks}; give 1 or more.")
+    if networks < 0:
+        raise InvalidConfig(f"seeds is {networks}; give 0 or more.")
     try:
         summary = Summary.from_json((folder / SUMMARY).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, InvalidConfig) as error:

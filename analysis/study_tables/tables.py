@@ -1,6 +1,5 @@
 """All tables of one analysis: ``tables.json``."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -27,6 +26,7 @@ from steerlab.analysis.study_tables.paper_tables import (
 from steerlab.analysis.study_tables.plain import empty, plain
 from steerlab.analysis.style.person_style import PersonStyle, people_styles
 from steerlab.learning.series import LabelSeries
+from steerlab.sim.files.run_folder import finite_json
 from steerlab.sim.seeds import rng_for
 
 KEYS = (
@@ -81,7 +81,7 @@ class Analysis:
 
     def to_json(self) -> str:
         """``tables.json``: equal analyses give equal text."""
-        return json.dumps(self.tables, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        return finite_json(self.tables, "tables.json") + "\n"
 
 
 def analyse(data: StudyData, config: AnalysisConfig) -> Analysis:

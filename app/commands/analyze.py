@@ -5,8 +5,8 @@ from typing import Annotated
 
 import tyro
 
-from steerlab.app.commands.arguments import Force, Json, PathOrNone
-from steerlab.app.commands.printing import print_json, progress_bar
+from steerlab.app.commands.arguments import MAX_SEED, Force, Json, PathOrNone, whole
+from steerlab.app.commands.printing import print_json, progress_bar, quoted
 
 
 def analyze(
@@ -21,13 +21,20 @@ def analyze(
     ] = None,
     seeds: Annotated[
         int,
-        tyro.conf.arg(help="Networks to train without the held-out rollouts; 0 for none."),
+        whole("seeds", 0, 1000),
+        tyro.conf.arg(help="Networks trained without the held-out rollouts; 0 for none."),
     ] = 1,
     fastdtw: Annotated[
         bool, tyro.conf.arg(help="Also the paper's fastdtw, radius 10; takes minutes.")
     ] = False,
-    permutations: Annotated[int, tyro.conf.arg(help="Of each permutation test.")] = 9999,
-    seed: Annotated[int, tyro.conf.arg(help="Of permutations and resamples.")] = 0,
+    permutations: Annotated[
+        int,
+        whole("permutations", 19, 1_000_000),
+        tyro.conf.arg(help="Of each permutation test."),
+    ] = 9999,
+    seed: Annotated[
+        int, whole("seed", 0, MAX_SEED), tyro.conf.arg(help="Of permutations and resamples.")
+    ] = 0,
     force: Force = False,
     json: Json = False,
 ) -> int:
@@ -37,8 +44,6 @@ def analyze(
 
     Example: steerlab analyze my-study
     """
-    from shlex import quote
-
     from steerlab.analysis.study_tables.tables import AnalysisConfig
     from steerlab.app.analyze import AnalyzeConfig, default_out
     from steerlab.app.analyze import analyze as run
@@ -49,9 +54,9 @@ def analyze(
         conditions=conditions,
     )
     given = [f"--seeds {seeds}", f"--permutations {permutations}", f"--seed {seed}"]
-    given += [f"--conditions {quote(conditions.name)}"] if conditions else []
+    given += [f"--conditions {quoted(conditions.name)}"] if conditions else []
     given += ["--fastdtw"] if fastdtw else []
-    command = " ".join(["steerlab analyze", quote(study.name), *given])
+    command = " ".join(["steerlab analyze", quoted(study.name), *given])
     folder = default_out(study) if out is None else out
     with progress_bar() as progress:
         summary = run(study, config, folder, force=force, command=command, progress=progress)

@@ -5,12 +5,15 @@ from typing import Annotated
 
 import tyro
 
+from steerlab.app.commands.arguments import MAX_SEED, whole
 from steerlab.app.commands.printing import progress_bar
 
 
 def calibration_set(
     out: Annotated[Path, tyro.conf.arg(metavar="FILE", help="Where to write the rollouts.")],
-    seed: Annotated[int, tyro.conf.arg(help="12 gives the shipped set.")] = 12,
+    seed: Annotated[
+        int, whole("seed", 0, MAX_SEED), tyro.conf.arg(help="12 gives the shipped set.")
+    ] = 12,
     force: Annotated[bool, tyro.conf.arg(help="Replace the file if it exists.")] = False,
 ) -> int:
     """Make the twelve wizard-of-Oz rollouts that participants correct; the shipped set has seed 12.

@@ -14,7 +14,9 @@ def console(
     host: Annotated[
         str, tyro.conf.arg(help="Address to serve; the default reaches this machine alone.")
     ] = "127.0.0.1",
-    open: Annotated[bool, tyro.conf.arg(help="Open the experimenter's page.")] = False,
+    open: Annotated[
+        bool, tyro.conf.arg(help="Open the page where the experimenter types the sign-in code.")
+    ] = False,
     device: Annotated[
         str, tyro.conf.arg(help="At which participants sit: wheel, wheel:NAME, keyboard, ...")
     ] = "wheel",
@@ -29,7 +31,8 @@ def console(
 ) -> int:
     """The pages of a study: participants, progress, questionnaires; Ctrl+C ends them.
 
-    Prints a link by which the experimenter signs in. For a tablet, serve a network address:
+    Prints a link by which the experimenter signs in, once; its last part can be typed as well.
+    For a tablet, serve a network address:
     --host 192.168.1.20 --allow-network --password-file FILE --tls-cert FILE --tls-key FILE.
 
     Example: steerlab console my-study --open
@@ -50,13 +53,13 @@ def console(
     Study.open(folder, read_only=True).close()  # before a lock is left in what is no study
     to_open = [True] if open else []
 
-    def announce(address: str) -> None:
-        print(f"Sign in (works once): {address}", flush=True)
+    def announce(address: str, code: str) -> None:
+        print(f"Sign in (works once): {address}/enter/{code}", flush=True)
         if to_open:
             import webbrowser
 
             to_open.clear()
-            webbrowser.open(address)
+            webbrowser.open(address)  # without the code: other users see a command's arguments
 
     with locked(folder, CONSOLE_LOCK, "serves the pages of"):
         last = serve(folder, lambda: Study.open(folder), config, announce=announce, device=device)

@@ -13,6 +13,7 @@ from steerlab.app.commands.arguments import (
     TextScale,
     View,
     screen_config,
+    whole,
 )
 from steerlab.app.commands.printing import print_json, progress_bar
 
@@ -21,7 +22,9 @@ def correct(
     study: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="STUDY")],
     participant: Annotated[str, tyro.conf.arg(help="A pseudonym, never a name.")],
     device: DeviceSpec = "wheel",
-    rollouts: Annotated[int, tyro.conf.arg(help="How many of the twelve.")] = 12,
+    rollouts: Annotated[
+        int, whole("rollouts", 1, 12), tyro.conf.arg(help="How many of the twelve.")
+    ] = 12,
     show_agent_wheel: Annotated[
         bool, tyro.conf.arg(help="Show the robot's wheel too; it may anchor the labels.")
     ] = False,
@@ -43,6 +46,7 @@ def correct(
     Example: steerlab correct my-study --participant P01 --device wheel
     """
     from dataclasses import asdict
+    from shlex import quote
 
     from steerlab.study.correct import CorrectConfig
     from steerlab.study.correct import correct as run
@@ -64,5 +68,6 @@ def correct(
         if done.resumed:
             print(f"{done.resumed} attempts were cut off by a crash; they do not count.")
         print(f"{participant}: {done.done} of {done.total} rollouts corrected; {done.end}.")
-        print(f"See it: steerlab replay {study} --participant {participant}")
+        who = quote(participant)
+        print(f"See it: steerlab replay {quote(str(study))} --participant {who}")
     return 0

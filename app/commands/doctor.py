@@ -5,7 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from steerlab.app.commands.arguments import Json
+from steerlab.app.commands.arguments import Json, decimal
 from steerlab.app.commands.printing import print_json, progress_bar
 
 
@@ -14,7 +14,9 @@ def doctor(
     loop: Annotated[
         bool, tyro.conf.arg(help="Also run the whole loop, and say if it keeps time.")
     ] = False,
-    seconds: Annotated[float, tyro.conf.arg(help="How long to run the loop.")] = 20.0,
+    seconds: Annotated[
+        float, decimal("seconds", 0.0, 86_400.0), tyro.conf.arg(help="How long to run the loop.")
+    ] = 20.0,
     json: Json = False,
 ) -> int:
     """Check this machine: OpenGL and its speed, versions, disk, timing; says how to mend it.

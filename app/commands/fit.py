@@ -5,21 +5,41 @@ from typing import Annotated
 
 import tyro
 
-from steerlab.app.commands.arguments import FloatOrNone, Force, Json, Ladder, Out, Preset, Seed
+from steerlab.app.commands.arguments import (
+    FloatOrNone,
+    Force,
+    Json,
+    Ladder,
+    Out,
+    Preset,
+    Seed,
+    decimal,
+    whole,
+)
 from steerlab.app.commands.printing import command_line, print_summary, progress_bar
 
 
 def fit(
     labels: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LABELS")],
     out: Out,
-    folds: Annotated[int, tyro.conf.arg(help="Without a split column: how often to hold out.")] = 4,
+    folds: Annotated[
+        int,
+        whole("folds", 2, 1000),
+        tyro.conf.arg(help="Without a split column: how often to hold out."),
+    ] = 4,
     preset: Annotated[Preset, tyro.conf.arg(help="Tuned settings, or the paper's own.")] = "lab",
     ladder: Annotated[
         Ladder, tyro.conf.arg(help="Rival mappers: all, or those that are fitted in seconds.")
     ] = "full",
-    limit: Annotated[float, tyro.conf.arg(help="Labels are within plus or minus this.")] = 2.5,
+    limit: Annotated[
+        float,
+        decimal("limit", 1e-6, 1e6),
+        tyro.conf.arg(help="Labels are within plus or minus this."),
+    ] = 2.5,
     rate_hz: Annotated[
-        FloatOrNone, tyro.conf.arg(help="Steps a second, without a t_s column; 20 by default.")
+        FloatOrNone,
+        decimal("rate-hz", 0.001, 1e6),
+        tyro.conf.arg(help="Steps a second, without a t_s column; 20 by default."),
     ] = None,
     seed: Seed = 0,
     force: Force = False,

@@ -5,13 +5,28 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from steerlab.app.commands.arguments import Force, Ints, Json, Out, PathOrNone, Seed, Texts
+from steerlab.app.commands.arguments import (
+    MANY,
+    Force,
+    Ints,
+    Jobs,
+    Json,
+    Out,
+    PathOrNone,
+    Seed,
+    Texts,
+    decimal,
+    whole,
+    wholes,
+)
 from steerlab.app.commands.printing import print_json, progress_bar
 
 
 def power(
     out: Out,
-    people: Annotated[Ints, tyro.conf.arg(help="Sample sizes to try, rising.")] = (
+    people: Annotated[
+        Ints, wholes("people", 1, MANY), tyro.conf.arg(help="Sample sizes to try, rising.")
+    ] = (
         12,
         20,
         34,
@@ -40,22 +55,42 @@ def power(
     ours: Annotated[
         str, tyro.conf.arg(help="The condition to be better than its rivals.")
     ] = "mind_meld",
-    rollouts: Annotated[int, tyro.conf.arg(help="Of the calibration.")] = 12,
+    rollouts: Annotated[
+        int, whole("rollouts", 1, MANY), tyro.conf.arg(help="Of the calibration.")
+    ] = 12,
     noise: Annotated[
         Literal["paper", "low", "human", "high"], tyro.conf.arg(help="How noisy people are.")
     ] = "human",
-    family: Annotated[int, tyro.conf.arg(help="Tests that Holm's correction goes over.")] = 11,
-    reliability: Annotated[float, tyro.conf.arg(help="Cronbach's alpha of scales.")] = 0.8,
-    dimensions: Annotated[int, tyro.conf.arg(help="Of w.")] = 4,
-    starts: Annotated[int, tyro.conf.arg(help="Evaluation drives a person and condition.")] = 10,
-    person_sd: Annotated[float, tyro.conf.arg(help="How people differ, log odds.")] = 0.5,
-    interaction_sd: Annotated[
-        float, tyro.conf.arg(help="How much more under each condition, log odds.")
+    family: Annotated[
+        int,
+        whole("family", 1, MANY),
+        tyro.conf.arg(help="Tests that Holm's correction goes over."),
+    ] = 11,
+    reliability: Annotated[
+        float, decimal("reliability", 0.0, 1.0), tyro.conf.arg(help="Cronbach's alpha of scales.")
+    ] = 0.8,
+    dimensions: Annotated[int, whole("dimensions", 2, 100), tyro.conf.arg(help="Of w.")] = 4,
+    starts: Annotated[
+        int,
+        whole("starts", 1, MANY),
+        tyro.conf.arg(help="Evaluation drives a person and condition."),
+    ] = 10,
+    person_sd: Annotated[
+        float, decimal("person-sd", 0.0, 100.0), tyro.conf.arg(help="How people differ, log odds.")
     ] = 0.5,
-    studies: Annotated[int, tyro.conf.arg(help="Simulated for each sample size.")] = 1000,
-    alpha: Annotated[float, tyro.conf.arg(help="Level of each test.")] = 0.05,
+    interaction_sd: Annotated[
+        float,
+        decimal("interaction-sd", 0.0, 100.0),
+        tyro.conf.arg(help="How much more under each condition, log odds."),
+    ] = 0.5,
+    studies: Annotated[
+        int, whole("studies", 100, 100_000), tyro.conf.arg(help="Simulated for each sample size.")
+    ] = 1000,
+    alpha: Annotated[
+        float, decimal("alpha", 0.0, 1.0), tyro.conf.arg(help="Level of each test.")
+    ] = 0.05,
     seed: Seed = 0,
-    jobs: Annotated[int, tyro.conf.arg(help="Processes; results do not depend on it.")] = 1,
+    jobs: Jobs = 1,
     force: Force = False,
     json: Json = False,
 ) -> int:
@@ -81,9 +116,9 @@ def power(
         effects=tuple(map(Effect.parse, plant)),
         conditions=tuple(map(ConditionMean.parse, conditions)),
     )
-    given = settings | {"people": " ".join(map(str, people))}
+    given = dict(settings)
     for name, several in (("plant", plant), ("conditions", conditions)):
-        given |= {name: " ".join(several)} if several else {}
+        given |= {name: several} if several else {}
     given |= {"taught": taught.name} if taught else {}
     command = command_line("power", given, out)
     try:

@@ -14,11 +14,24 @@ if TYPE_CHECKING:
 
 
 def command_line(verb: str, settings: Mapping[str, object], out: Path, *arguments: str) -> str:
-    """The command line that gives the same results, with every setting spelt out."""
-    options = [f"--{name.replace('_', '-')} {value}" for name, value in settings.items()]
+    """The command line that gives the same results, with every setting spelt out.
+
+    Args:
+        settings: by name; of several words, a tuple.
+        arguments: those without a name.
+    """
+    options: list[str] = []
+    for name, value in settings.items():
+        words = value if isinstance(value, tuple) else (value,)
+        options += [f"--{name.replace('_', '-')}", *(quoted(word) for word in words)]
     return " ".join(
-        ["steerlab", verb, *map(quote, arguments), *options, f"--out {quote(out.name)}"]
+        ["steerlab", verb, *map(quoted, arguments), *options, "--out", quoted(out.name)]
     )
+
+
+def quoted(word: object) -> str:
+    """A word of a command line to copy, as text: what is none in a name of a file becomes a mark."""
+    return quote(str(word).encode("utf-8", "surrogateescape").decode("utf-8", "replace"))
 
 
 def print_summary(summary: "Summary", out: Path, *, as_json: bool) -> int:

@@ -5,7 +5,15 @@ from typing import Annotated
 
 import tyro
 
-from steerlab.app.commands.arguments import FloatOrNone, IntOrNone, PathOrNone, TextOrNone
+from steerlab.app.commands.arguments import (
+    MANY,
+    FloatOrNone,
+    IntOrNone,
+    PathOrNone,
+    TextOrNone,
+    decimal,
+    whole,
+)
 from steerlab.app.commands.printing import progress_bar
 
 
@@ -13,7 +21,9 @@ def replay(
     path: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="PATH")],
     participant: Annotated[TextOrNone, tyro.conf.arg(help="Only this participant's.")] = None,
     rollout: Annotated[TextOrNone, tyro.conf.arg(help="Only attempts at this rollout.")] = None,
-    attempt: Annotated[IntOrNone, tyro.conf.arg(help="Only this attempt, from 0.")] = None,
+    attempt: Annotated[
+        IntOrNone, whole("attempt", 0, MANY), tyro.conf.arg(help="Only this attempt, from 0.")
+    ] = None,
     pictures: Annotated[bool, tyro.conf.arg(help="Draw the camera's view again.")] = True,
     save: Annotated[
         PathOrNone, tyro.conf.arg(metavar="FILE", help="Write an .rrd file instead.")
@@ -21,7 +31,9 @@ def replay(
     screenshot: Annotated[
         PathOrNone, tyro.conf.arg(metavar="FILE", help="Write a .png instead; no display needed.")
     ] = None,
-    at_s: Annotated[FloatOrNone, tyro.conf.arg(help="Moment of the screenshot.")] = None,
+    at_s: Annotated[
+        FloatOrNone, decimal("at-s", 0.0, 86_400.0), tyro.conf.arg(help="Moment of the screenshot.")
+    ] = None,
 ) -> int:
     """Open a session in Rerun: the drive, the camera, wheels, timing and what happened.
 

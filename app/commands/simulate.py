@@ -5,16 +5,33 @@ from typing import Annotated, Any
 
 import tyro
 
-from steerlab.app.commands.arguments import Force, Json, Ladder, Noise, Out, Preset, Seed
+from steerlab.app.commands.arguments import (
+    MANY,
+    Force,
+    Json,
+    Ladder,
+    Noise,
+    Out,
+    Preset,
+    Seed,
+    check_encoding,
+    whole,
+)
 from steerlab.app.commands.printing import command_line, print_summary, progress_bar
 
 
 def simulate(
     out: Out,
-    teachers: Annotated[int, tyro.conf.arg(help="Teachers the mapper is trained on.")] = 34,
-    new_teachers: Annotated[int, tyro.conf.arg(help="Teachers it has never seen.")] = 34,
+    teachers: Annotated[
+        int, whole("teachers", 3, MANY), tyro.conf.arg(help="Teachers the mapper is trained on.")
+    ] = 34,
+    new_teachers: Annotated[
+        int, whole("new-teachers", 2, MANY), tyro.conf.arg(help="Teachers it has never seen.")
+    ] = 34,
     noise: Annotated[Noise, tyro.conf.arg(help="How noisy the teachers are.")] = "human",
-    rollouts: Annotated[int, tyro.conf.arg(help="Calibration rollouts, 4 to 12.")] = 12,
+    rollouts: Annotated[
+        int, whole("rollouts", 4, 1000), tyro.conf.arg(help="Calibration rollouts, 4 to 12.")
+    ] = 12,
     preset: Annotated[Preset, tyro.conf.arg(help="Tuned settings, or the paper's own.")] = "lab",
     ladder: Annotated[
         Ladder, tyro.conf.arg(help="Rival mappers: all, or those that are fitted in seconds.")
@@ -46,6 +63,7 @@ def simulate_population(out: Path, force: bool, as_json: bool, **settings: Any) 
     from steerlab.app.population_run import PopulationRunConfig
     from steerlab.app.simulate import simulate as run
 
+    check_encoding(out)  # also of the folder in which demo puts its own
     config = PopulationRunConfig(**settings)
     command = command_line("simulate", vars(config), out)
     with progress_bar() as progress:

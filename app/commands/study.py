@@ -37,11 +37,13 @@ class New:
 
     def do(self) -> int:
         """Write study.toml and study.db."""
+        from shlex import quote
+
         from steerlab.study.study_folder import new_study
 
         new_study(self.folder, self.template)
         print(f"Made {self.folder}. Edit {self.folder / 'study.toml'}, then enrol:")
-        print(f"  steerlab study enrol {self.folder} --role training")
+        print(f"  steerlab study enrol {quote(str(self.folder))} --role training")
         return 0
 
 
@@ -223,8 +225,10 @@ class Run:
             raise InvalidConfig("--plant is for scripted participants; give --teacher as well.")
         with open_study(self.folder) as study, progress_bar() as progress:
             config = self._config(progress)
-            participant = self.participant or study.enrol(Role(self.role)).id
-            report = study.run(participant, config)
+            if self.participant is None:
+                participant, report = study.run_new(Role(self.role), config)
+            else:
+                participant, report = self.participant, study.run(self.participant, config)
         return _print_run(participant, report)
 
     def _config(self, progress: Progress) -> "RunConfig":

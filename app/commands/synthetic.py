@@ -4,14 +4,20 @@ from typing import Annotated
 
 import tyro
 
-from steerlab.app.commands.arguments import Force, Json, Out, Seed
+from steerlab.app.commands.arguments import MANY, Force, Json, Out, Seed, whole
 from steerlab.app.commands.printing import command_line, print_json, print_where, progress_bar
 
 
 def synthetic(
     out: Out,
-    people: Annotated[int, tyro.conf.arg(help="Demonstrators the mapper is trained on.")] = 34,
-    new_people: Annotated[int, tyro.conf.arg(help="Demonstrators it has never seen.")] = 34,
+    people: Annotated[
+        int,
+        whole("people", 6, MANY),
+        tyro.conf.arg(help="Demonstrators the mapper is trained on."),
+    ] = 34,
+    new_people: Annotated[
+        int, whole("new-people", 2, MANY), tyro.conf.arg(help="Demonstrators it has never seen.")
+    ] = 34,
     seed: Seed = 0,
     force: Force = False,
     json: Json = False,

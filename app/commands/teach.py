@@ -1,16 +1,28 @@
 """The verb ``teach``: interactive learners side by side."""
 
 import sys
-from shlex import quote
 from typing import Annotated, Any, Literal, Optional
 
 import tyro
 
-from steerlab.app.commands.arguments import Force, Json, Out, PathOrNone, Seed, Texts
+from steerlab.app.commands.arguments import (
+    MANY,
+    Force,
+    Jobs,
+    Json,
+    Out,
+    PathOrNone,
+    Seed,
+    Texts,
+    decimal,
+    whole,
+)
 from steerlab.app.commands.printing import print_json, print_where, progress_bar
 
 Noise = Annotated[
-    float, tyro.conf.arg(help="Wheel noise: standard deviation, wheel units of ±2.5.")
+    float,
+    decimal("noise", 0.0, 10.0),
+    tyro.conf.arg(help="Wheel noise: standard deviation, wheel units of ±2.5."),
 ]
 
 
@@ -19,14 +31,26 @@ def teach(
     learners: Annotated[
         Texts, tyro.conf.arg(help="Learners to compare; an unknown one lists all.")
     ] = ("bc", "dagger", "mind-meld", "mind-meld-mean", "oracle"),
-    teachers: Annotated[int, tyro.conf.arg(help="Scripted teachers the mapper never saw.")] = 20,
-    rounds: Annotated[int, tyro.conf.arg(help="Rounds after the demonstration.")] = 12,
+    teachers: Annotated[
+        int,
+        whole("teachers", 1, MANY),
+        tyro.conf.arg(help="Scripted teachers the mapper never saw."),
+    ] = 20,
+    rounds: Annotated[
+        int, whole("rounds", 1, 1000), tyro.conf.arg(help="Rounds after the demonstration.")
+    ] = 12,
     task: Annotated[
         str, tyro.conf.arg(help="easy, slalom, hard or generated-<number>.")
     ] = "slalom",
     noise: Noise = 0.5,
-    speed_mps: Annotated[float, tyro.conf.arg(help="Cruising speed.")] = 5.0,
-    learner_seeds: Annotated[int, tyro.conf.arg(help="Learners a teacher and condition.")] = 3,
+    speed_mps: Annotated[
+        float, decimal("speed-mps", 0.1, 100.0), tyro.conf.arg(help="Cruising speed.")
+    ] = 5.0,
+    learner_seeds: Annotated[
+        int,
+        whole("learner-seeds", 1, 1000),
+        tyro.conf.arg(help="Learners a teacher and condition."),
+    ] = 3,
     seed: Seed = 0,
     population: Annotated[
         Optional[Literal["wide", "paper", "low", "human", "high"]],  # noqa: UP045 - see quick_types
@@ -44,13 +68,15 @@ def teach(
         Literal["image+state", "image", "state"], tyro.conf.arg(help="What policies see.")
     ] = "image+state",
     training_steps: Annotated[
-        int, tyro.conf.arg(help="Gradient steps of a policy in each round.")
+        int,
+        whole("training-steps", 1, 100_000),
+        tyro.conf.arg(help="Gradient steps of a policy in each round."),
     ] = 150,
     mapper: Annotated[
         PathOrNone, tyro.conf.arg(help="A MIND MELD model instead of one trained here.")
     ] = None,
     engine: Annotated[Literal["local"], tyro.conf.arg(help="Where it runs.")] = "local",
-    jobs: Annotated[int, tyro.conf.arg(help="Processes; results do not depend on it.")] = 1,
+    jobs: Jobs = 1,
     force: Force = False,
     json: Json = False,
 ) -> int:
@@ -74,13 +100,13 @@ def teach(
         family=family, driving=driving, inputs=inputs, training_steps=training_steps,
     )  # fmt: skip
     given: dict[str, Any] = {
-        "learners": " ".join(learners), "teachers": teachers, "rounds": rounds, "task": task,
+        "learners": learners, "teachers": teachers, "rounds": rounds, "task": task,
         "noise": noise, "speed_mps": speed_mps, "learner_seeds": learner_seeds, "seed": seed,
         "population": population, "family": family, "driving": driving, "inputs": inputs,
         "training_steps": training_steps,
     }  # fmt: skip
     if mapper is not None:
-        given["mapper"] = quote(str(mapper))
+        given["mapper"] = mapper
     command = command_line("teach", given, out)
     try:
         with progress_bar(time_left=True) as progress:

@@ -1,5 +1,6 @@
 """``steerlab wheel``: steering wheels, listed, calibrated, tested."""
 
+import sys
 from typing import Annotated, Literal
 
 import tyro
@@ -29,12 +30,17 @@ def wheel(
 
     with SdlEvents(window=act == "calibrate" or (act == "test" and not text)) as events:
         if act == "list":
+            from steerlab.teleop.devices.profile_folder import sound_profiles
+
             wheels = wheel_commands.find_wheels(events)
             if json:
                 print_json([plugged.to_dict() for plugged in wheels])
             else:
                 print("\n".join(wheel_commands.list_lines(wheels)))
-            return 0
+            _, damaged = sound_profiles()
+            for error in damaged:
+                print(f"steerlab: {error} Mend or remove the file.", file=sys.stderr)
+            return 1 if damaged else 0
         if act == "calibrate":
             from steerlab.teleop.screen.drive_screen import DriveScreen
 

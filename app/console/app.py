@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager, suppress
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.routing import Route
 from starlette.types import ASGIApp
@@ -17,10 +17,11 @@ from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.experimenter_pages import ExperimenterPages
 from steerlab.app.console.guard import BadForm, Guard
 from steerlab.app.console.participant_pages import ParticipantPages
-from steerlab.app.console.rendering import message_page, static_file
+from steerlab.app.console.rendering import busy_page, message_page, static_file
 from steerlab.app.console.sign_in import LoginThrottle, SignIn
 from steerlab.app.console.study_thread import StudyCheckJob, StudyThread
 from steerlab.app.console.wheel_run import WheelRuns
+from steerlab.study.store.errors import StoreError
 
 _LOG = logging.getLogger(__name__)
 
@@ -53,7 +54,7 @@ def make_app(
 
     @asynccontextmanager
     async def follow(app: Starlette) -> AsyncIterator[None]:
-        await changes.look()
+        await changes.try_look()
         watching = asyncio.create_task(changes.watch())
         try:
             yield
@@ -63,18 +64,20 @@ def make_app(
             with suppress(asyncio.CancelledError):
                 await watching
 
+    home = sign_in.home
     questions = "/p/{token}/{phase}/{number:int}"
     post = ["POST"]
     routes = [
-        Route("/", lab.people),
-        Route("/enter/{token}", lab.enter),
+        Route("/", lab.front),
+        Route("/enter/{code}", lab.enter),
         Route("/sign-in", lab.sign_in, methods=post),
-        Route("/sign-out", lab.sign_out, methods=post),
-        Route("/checks", lab.checks, methods=["GET", "POST"]),
-        Route("/events", lab.events),
-        Route("/enrol", lab.enrol, methods=post),
-        Route("/participants/{participant}", lab.person),
-        Route("/participants/{participant}/{act}", lab.act, methods=post),
+        Route(home, lab.people),
+        Route(f"{home}/sign-out", lab.sign_out, methods=post),
+        Route(f"{home}/checks", lab.checks, methods=["GET", "POST"]),
+        Route(f"{home}/events", lab.events),
+        Route(f"{home}/enrol", lab.enrol, methods=post),
+        Route(f"{home}/participants/{{participant}}", lab.person),
+        Route(f"{home}/participants/{{participant}}/{{act}}", lab.act, methods=post),
         Route("/p/{token}", person.show),
         Route("/p/{token}/events", person.events),
         Route("/p/{token}/consent", person.consent, methods=post),
@@ -83,11 +86,35 @@ def make_app(
         Route(f"{questions}/answer", person.answer, methods=post),
         Route("/static/{name}", static_file),
     ]
+
+    async def not_found(request: Request, error: Exception) -> Response:
+        status = error.status_code if isinstance(error, HTTPException) else 404
+        path = request.url.path
+        if status == 405:  # the back button after a form was sent: GET of what only takes POST
+            link = f"/p/{request.path_params['token']}" if "token" in request.path_params else "/"
+            if path.startswith(f"{home}/"):
+                link = home
+            return message_page(texts.STALE_TITLE, texts.STALE_TEXT, status=405, link=link)
+        if path.startswith("/lab/") and not path.startswith(f"{home}/"):  # before a restart
+            return await lab.front(request)
+        return message_page(texts.NOT_FOUND_TITLE, texts.NOT_FOUND_TEXT, status=status)
+
+    async def no_store(request: Request, error: Exception) -> Response:
+        _LOG.warning("The study could not be used: %s", error)
+        posted = getattr(request.state, "posted", None)
+        said = [texts.BUSY_READ if posted is None else texts.BUSY_SENT]
+        path = request.url.path
+        if path.startswith(home):  # participants need not know where the study lies
+            said.append(str(error))
+        return busy_page(*said, path=path, posted=posted)
+
     app = Starlette(
         routes=routes,
         lifespan=follow,
         exception_handlers={
-            HTTPException: _not_found,
+            HTTPException: not_found,
+            StoreError: no_store,
+            ClientDisconnect: _gone,
             BadForm: _bad_form,
             Exception: _went_wrong,
         },
@@ -96,12 +123,8 @@ def make_app(
     return Guard(app, origins=origins)
 
 
-async def _not_found(request: Request, error: Exception) -> Response:
-    status = error.status_code if isinstance(error, HTTPException) else 404
-    if status == 405:  # the back button after a form was sent: GET of what only takes POST
-        home = f"/p/{request.path_params['token']}" if "token" in request.path_params else "/"
-        return message_page(texts.STALE_TITLE, texts.STALE_TEXT, status=405, link=home)
-    return message_page(texts.NOT_FOUND_TITLE, texts.NOT_FOUND_TEXT, status=status)
+async def _gone(request: Request, error: Exception) -> Response:
+    return Response(status_code=400)  # nobody is there to read it
 
 
 async def _bad_form(request: Request, error: Exception) -> Response:

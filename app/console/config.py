@@ -77,8 +77,7 @@ class ConsoleConfig:
         if path is None:
             return None
         try:
-            if _others_may_read(path):
-                raise InvalidConfig(f"Others may read {path}; run: chmod 600 {path}")
+            _refuse_if_others_may_read(path)
             lines = path.read_text("utf-8").splitlines()
         except (OSError, UnicodeDecodeError) as error:
             raise InvalidConfig(f"Cannot read the password file {path}: {error}.") from error
@@ -89,6 +88,24 @@ class ConsoleConfig:
                 f"write one of at least {SHORTEST_PASSWORD} into its first line."
             )
         return password
+
+    def check_tls_key(self) -> None:
+        """Refuse a TLS key that others may read, in a file of its own or with its certificate.
+
+        Raises:
+            InvalidConfig: they may, or a file cannot be read.
+        """
+        if self.tls_key is None or self.tls_cert is None:
+            return
+        try:
+            _refuse_if_others_may_read(self.tls_key)
+            if b"PRIVATE KEY" in self.tls_cert.read_bytes():
+                _refuse_if_others_may_read(self.tls_cert)
+        except OSError as error:
+            raise InvalidConfig(
+                f"Cannot read {error.filename}: {error.strerror}; "
+                "name a PEM certificate and its key."
+            ) from error
 
     def origins(self, port: int) -> tuple[str, ...]:
         """``scheme://host:port`` of each address that the pages are opened by.
@@ -112,12 +129,12 @@ class ConsoleConfig:
         )
 
 
-def _others_may_read(path: Path) -> bool:
+def _refuse_if_others_may_read(path: Path) -> None:
     mode = path.stat().st_mode
     if not hasattr(os, "geteuid"):  # Windows has lists of who may read, which a mode does not show
         _log.warning("who else may read %s is not checked on this system; see its properties", path)
-        return False
-    return bool(mode & (stat.S_IRWXG | stat.S_IRWXO))
+    elif mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise InvalidConfig(f"Others may read {path}; run: chmod 600 {path}")
 
 
 def is_loopback(host: str) -> bool:

@@ -18,13 +18,12 @@ from steerlab.app.console.experimenter_views import (
 from steerlab.app.console.guard import csrf_holds, read_form
 from steerlab.app.console.next_steps import PAGES
 from steerlab.app.console.rendering import message_page, page, too_many_page
-from steerlab.app.console.sign_in import BrowserSession, LoginThrottle, SignIn, client_address
+from steerlab.app.console.sign_in import BrowserSession, LoginThrottle, SignIn, client_source
 from steerlab.app.console.study_thread import StudyCheckJob, StudyThread
 from steerlab.app.console.wheel_run import WheelRuns
 from steerlab.sim.errors import SteerlabError
 from steerlab.study.contract import Role, StudyAccess, StudyError
-
-COOKIE = "steerlab_experimenter"
+from steerlab.study.store.errors import StoreError
 
 LONGEST_NOTE = 5000  # characters
 
@@ -56,6 +55,10 @@ class ExperimenterPages:
         self._throttle = throttle
         self._origin = origin
 
+    async def front(self, request: Request) -> Response:
+        """Where the experimenter signs in; says nothing of the study."""
+        return self._sign_in_page(status=401)
+
     async def people(self, request: Request) -> Response:
         """Everyone, and what to do next."""
         return await self._work(request, lambda context, _: people_page(context))
@@ -72,15 +75,15 @@ class ExperimenterPages:
         """The whole study's integrity; a POST checks again."""
         if request.method == "POST":
             response = await self._work(
-                request, lambda context, _: RedirectResponse("/checks", 303)
+                request, lambda context, _: RedirectResponse(f"{context.home}/checks", 303)
             )
             if response.status_code == 303:  # signed in, and the form is ours
                 self._check_job.start()
-                await self._changes.look()
+                await self._changes.try_look()
             return response
         if self._session(request) is not None and not self._check_job.view().at:
             self._check_job.start()
-            await self._changes.look()
+            await self._changes.try_look()
         return await self._work(
             request, lambda context, _: checks_page(context, self._check_job.view())
         )
@@ -98,26 +101,49 @@ class ExperimenterPages:
 
     async def events(self, request: Request) -> Response:
         """Tell the open pages whenever something changed."""
-        if self._session(request) is None:
+        session = self._session(request)
+        if session is None:
             return PlainTextResponse(texts.SIGN_IN_TITLE, 401)
 
         async def key() -> str:
             return self._changes.version
 
-        return self._changes.response(key) or PlainTextResponse(texts.ERROR_TITLE, 503)
+        stream = self._changes.response(key, owner=session.secret)
+        return stream or PlainTextResponse(texts.TOO_MANY_PAGES, 503)
 
     async def enter(self, request: Request) -> Response:
         """Sign in by the terminal's one-time link."""
-        token = request.path_params["token"]
-        return self._let_in(request, lambda: self._sign_in.by_link(token), wrong=texts.SIGN_IN_USED)
+        return self._by_code(request, request.path_params["code"])
 
     async def sign_in(self, request: Request) -> Response:
-        """Sign in by password."""
+        """Sign in by the terminal's one-time code, or by password."""
         posted = await read_form(request)
-        password = posted.get("password", "")
-        return self._let_in(
-            request, lambda: self._sign_in.by_password(password), wrong=texts.WRONG_PASSWORD
-        )
+        if "password" in posted:
+            return self._by_password(request, posted["password"])
+        return self._by_code(request, posted.get("code", ""))
+
+    def _by_code(self, request: Request, code: str) -> Response:
+        """Never waits for a right code, however many wrong ones came: nobody can guess it."""
+        session = self._sign_in.by_code(code)
+        if session is not None:
+            return self._let_in(session)
+        source = _source(request)
+        wait_s = self._throttle.wait_s(source)
+        if wait_s:
+            return too_many_page(wait_s, sign_in=True)
+        self._throttle.wrong(source)
+        return self._sign_in_page(status=401, wrong=texts.SIGN_IN_USED)
+
+    def _by_password(self, request: Request, password: str) -> Response:
+        source = _source(request)
+        wait_s = self._throttle.password_wait_s(source)
+        if wait_s:
+            return too_many_page(wait_s, sign_in=True)
+        session = self._sign_in.by_password(password)
+        if session is not None:
+            return self._let_in(session)
+        self._throttle.wrong_password(source)
+        return self._sign_in_page(status=401, wrong=texts.WRONG_PASSWORD)
 
     async def sign_out(self, request: Request) -> Response:
         """End the session."""
@@ -126,7 +152,7 @@ class ExperimenterPages:
         if session is not None and csrf_holds(session.secret, posted):
             self._sign_in.sign_out(session)
         response = RedirectResponse("/", 303)
-        response.delete_cookie(COOKIE)
+        response.delete_cookie(self._sign_in.cookie, path=self._sign_in.home)
         return response
 
     async def _work(self, request: Request, work: Work) -> Response:
@@ -137,46 +163,43 @@ class ExperimenterPages:
         if request.method == "POST":
             posted = await read_form(request)
             if not csrf_holds(session.secret, posted):
-                return message_page(texts.STALE_TITLE, texts.STALE_TEXT, status=403, link="/")
+                return message_page(
+                    texts.STALE_TITLE, texts.STALE_TEXT, status=403, link=self._sign_in.home
+                )
 
         def with_study(study: StudyAccess) -> Response:
             context = ExperimenterContext(
                 study=study,
                 runs=self._runs,
                 session=session,
+                throttle=self._throttle,
+                home=self._sign_in.home,
                 origin=self._origin,
                 version=self._changes.version,
             )
             try:
                 return work(context, posted)
+            except StoreError:  # the form can be sent again
+                raise
             except SteerlabError as error:
                 return message_page(
-                    texts.CANNOT_TITLE, str(error), status=409, study=study.title, link="/"
+                    texts.CANNOT_TITLE, str(error), status=409, study=study.title, link=context.home
                 )
 
         response = await self._study_thread.do(with_study)
         if request.method == "POST":
-            await self._changes.look()
+            await self._changes.try_look()  # it is done: nobody may be asked to do it again
         return response
 
     def _session(self, request: Request) -> BrowserSession | None:
-        return self._sign_in.session(request.cookies.get(COOKIE))
+        return self._sign_in.session(request.cookies.get(self._sign_in.cookie))
 
-    def _let_in(
-        self, request: Request, try_it: Callable[[], BrowserSession | None], *, wrong: str
-    ) -> Response:
-        address = client_address(request)
-        wait_s = self._throttle.wait_s(address)
-        if wait_s:
-            return too_many_page(wait_s)
-        session = try_it()
-        if session is None:
-            self._throttle.wrong(address)
-            return self._sign_in_page(status=401, wrong=wrong)
-        response = RedirectResponse("/", 303)
+    def _let_in(self, session: BrowserSession) -> Response:
+        response = RedirectResponse(self._sign_in.home, 303)
         response.set_cookie(
-            COOKIE,
+            self._sign_in.cookie,
             session.secret,
+            path=self._sign_in.home,
             httponly=True,
             samesite="strict",
             secure=self._origin.startswith("https:"),
@@ -192,20 +215,27 @@ class ExperimenterPages:
         )
 
 
+def _source(request: Request) -> str:
+    """Whose wrong codes and passwords are counted; participants' wrong links are counted apart."""
+    return f"sign-in {client_source(request)}"
+
+
 def enrol_participant(context: ExperimenterContext, posted: Form) -> Response:
     """Enrol the next participant, in a role."""
     if posted.get("role") not in tuple(Role):
         role = posted.get("role", "")[:80]
         raise StudyError(texts.WRONG_ROLE.format(role=role, roles=" or ".join(Role)))
     view = context.study.enrol(Role(posted["role"]))
-    return _to(view.id)
+    return _to(context, view.id)
 
 
 def new_link(participant: str, context: ExperimenterContext, posted: Form) -> Response:
     """A fresh link for the participant; shown once."""
     view = context.study.participant(participant)
-    key = keep_link(context, context.study.new_link(view.id))
-    return RedirectResponse(f"/participants/{view.id}?link={key}", 303)
+    token = context.study.new_link(view.id)
+    context.throttle.know(token)
+    key = keep_link(context, token)
+    return RedirectResponse(f"{context.home}/participants/{view.id}?link={key}", 303)
 
 
 def start(participant: str, context: ExperimenterContext, posted: Form) -> Response:
@@ -220,7 +250,7 @@ def start(participant: str, context: ExperimenterContext, posted: Form) -> Respo
         title = posted.get("phase", "")[:80]
         raise StudyError(texts.RUN_NOT_NEXT.format(title=title, participant=view.id))
     context.runs.start(view.id, phase)
-    return _to(view.id)
+    return _to(context, view.id)
 
 
 def redo(participant: str, context: ExperimenterContext, posted: Form) -> Response:
@@ -237,7 +267,7 @@ def redo(participant: str, context: ExperimenterContext, posted: Form) -> Respon
         )
     _refuse_while_driving(context, view.id)
     context.study.redo(view.id, phase.id)
-    return _to(view.id)
+    return _to(context, view.id)
 
 
 def note(participant: str, context: ExperimenterContext, posted: Form) -> Response:
@@ -248,7 +278,7 @@ def note(participant: str, context: ExperimenterContext, posted: Form) -> Respon
         raise StudyError(texts.NOTE_LONG.format(count=len(text), longest=LONGEST_NOTE))
     if text:
         context.study.note(view.id, text)
-    return _to(view.id)
+    return _to(context, view.id)
 
 
 def withdraw(participant: str, context: ExperimenterContext, posted: Form) -> Response:
@@ -265,7 +295,7 @@ def withdraw(participant: str, context: ExperimenterContext, posted: Form) -> Re
         context.runs.erase(view.id)
     else:
         context.study.withdraw(view.id, erase=False)
-    return _to(view.id)
+    return _to(context, view.id)
 
 
 ACTS: Mapping[str, Callable[[str, ExperimenterContext, Form], Response]] = {
@@ -285,5 +315,5 @@ def _refuse_while_driving(context: ExperimenterContext, participant: str) -> Non
         )
 
 
-def _to(participant: str) -> RedirectResponse:
-    return RedirectResponse(f"/participants/{participant}", 303)
+def _to(context: ExperimenterContext, participant: str) -> RedirectResponse:
+    return RedirectResponse(f"{context.home}/participants/{participant}", 303)

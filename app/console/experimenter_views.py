@@ -10,7 +10,7 @@ from steerlab.app.console import texts
 from steerlab.app.console.guard import csrf_token
 from steerlab.app.console.next_steps import next_step, step_of
 from steerlab.app.console.rendering import page
-from steerlab.app.console.sign_in import BrowserSession
+from steerlab.app.console.sign_in import BrowserSession, LoginThrottle
 from steerlab.app.console.study_thread import StudyCheckResults
 from steerlab.app.console.wheel_run import WheelRuns
 from steerlab.study.contract import ParticipantView, Standing, StudyAccess
@@ -21,6 +21,8 @@ class ExperimenterContext:
     """What the experimenter's pages are made from.
 
     Attributes:
+        throttle: is told of new links.
+        home: the path of the experimenter's pages.
         origin: what participants' links begin with.
         version: of the study, as open pages know it.
     """
@@ -28,6 +30,8 @@ class ExperimenterContext:
     study: StudyAccess
     runs: WheelRuns
     session: BrowserSession
+    throttle: LoginThrottle
+    home: str
     origin: str
     version: str
 
@@ -117,6 +121,7 @@ def _frame(context: ExperimenterContext, title: str) -> dict[str, Any]:
     return {
         "study": context.study.title,
         "title": title,
+        "home": context.home,
         "csrf": csrf_token(context.session.secret),
         "version": context.version,
     }

@@ -19,7 +19,8 @@ from steerlab.app.console import texts
 
 LARGEST_BODY = 64 * 1024  # bytes; the longest questionnaire posts about 2 kB
 FORM = "application/x-www-form-urlencoded"
-READING = ("GET", "HEAD")
+LONGEST_LENGTH = 10  # digits
+READING = ("GET",)  # not HEAD: it would use up what a GET shows once, and no page sends it
 MOST_FIELDS = 300
 CSRF_FIELD = "csrf"
 
@@ -43,6 +44,7 @@ HEADERS = {
     "permissions-policy": "camera=(), microphone=(), geolocation=(), display-capture=()",
     "x-frame-options": "DENY",
 }
+TLS_HEADERS = {"strict-transport-security": "max-age=2592000"}  # 30 days
 
 
 class Guard:
@@ -53,6 +55,8 @@ class Guard:
         self._app = app
         self._origins = frozenset(origins)
         self._hosts = frozenset(origin.split("//")[1] for origin in origins)
+        has_tls = all(origin.startswith("https:") for origin in origins)
+        self._headers = HEADERS | (TLS_HEADERS if has_tls else {})
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer, or refuse."""
@@ -65,7 +69,7 @@ class Guard:
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                for name, value in HEADERS.items():
+                for name, value in self._headers.items():
                     headers[name] = value
                 headers.setdefault("cache-control", "no-store")
             await send(message)
@@ -84,13 +88,14 @@ class Guard:
         if method in READING:
             return None
         if method != "POST":
-            return PlainTextResponse(texts.REFUSED_KIND, 405, {"allow": "GET, HEAD, POST"})
+            return PlainTextResponse(texts.REFUSED_KIND, 405, {"allow": "GET, POST"})
         if not self._is_ours(headers):
             return PlainTextResponse(texts.REFUSED_ORIGIN, 403)
         if headers.get("content-type", "").split(";")[0].strip().lower() != FORM:
             return PlainTextResponse(texts.REFUSED_KIND, 415)
         length = headers.get("content-length", "0")
-        if not length.isascii() or not length.isdigit() or int(length) > LARGEST_BODY:
+        is_number = length.isascii() and length.isdigit() and len(length) <= LONGEST_LENGTH
+        if not is_number or int(length) > LARGEST_BODY:
             return PlainTextResponse(texts.REFUSED_SIZE, 413)
         return None
 
@@ -119,8 +124,11 @@ class BadForm(Exception):
 async def read_form(request: Request) -> Mapping[str, str]:
     """The fields of a urlencoded form; files are not taken.
 
+    They are kept in ``request.state.posted``, for a page that asks to send them again.
+
     Raises:
         BadForm: it is too long, not UTF-8, or names a field twice.
+        ClientDisconnect: the client went away, or was too slow.
     """
     body = bytearray()
     async for chunk in request.stream():
@@ -140,6 +148,7 @@ async def read_form(request: Request) -> Mapping[str, str]:
     fields = dict(pairs)
     if len(fields) != len(pairs):
         raise BadForm(400)
+    request.state.posted = fields
     return fields
 
 

@@ -5,7 +5,6 @@ Each request sees only the participant whose link it is; what is sent twice is k
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from hashlib import sha256
 
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
@@ -23,9 +22,11 @@ from steerlab.app.console.participant_views import (
 )
 from steerlab.app.console.questionnaire_form import read_answer, read_posted, what_is_wrong
 from steerlab.app.console.rendering import message_page, too_many_page
-from steerlab.app.console.sign_in import LoginThrottle, client_address
+from steerlab.app.console.sign_in import LoginThrottle, client_source
 from steerlab.app.console.study_thread import StudyThread
-from steerlab.study.contract import Phase, PhaseKind, StudyAccess, StudyError
+from steerlab.sim.errors import SteerlabError
+from steerlab.study.contract import Phase, PhaseKind, StudyAccess
+from steerlab.study.store.errors import StoreError
 from steerlab.study.surveys.answer_format import InvalidAnswer
 
 LONGEST_TOKEN = 128
@@ -46,8 +47,6 @@ class ParticipantPages:
         self._study_thread = study_thread
         self._changes = changes
         self._throttle = throttle
-        # Links that were right once: those guessing from the same address lock out nobody.
-        self._known: set[bytes] = set()
 
     async def show(self, request: Request) -> Response:
         """Whatever comes next for the participant."""
@@ -74,21 +73,23 @@ class ParticipantPages:
 
     async def events(self, request: Request) -> Response:
         """Tell a waiting page when it is out of date."""
-        token, address = _token(request), client_address(request)
-        refusal = self._refusal(token, address)
+        token, source = _token(request), _source(request)
+        refusal = self._refusal(token, source)
         if refusal is not None:
             return refusal
 
         async def key() -> str:
             return await self._study_thread.do(partial(_key_of, token))
 
-        if await key() == "":
-            return self._expired(address)
-        return self._changes.response(key) or PlainTextResponse(texts.ERROR_TITLE, 503)
+        participant = await self._study_thread.do(lambda study: study.participant_of(token))
+        if participant is None:
+            return self._expired(source)
+        stream = self._changes.response(key, owner=participant)
+        return stream or PlainTextResponse(texts.TOO_MANY_PAGES, 503)
 
     async def _visit(self, request: Request, work: Work) -> Response:
-        token, address = _token(request), client_address(request)
-        refusal = self._refusal(token, address)
+        token, source = _token(request), _source(request)
+        refusal = self._refusal(token, source)
         if refusal is not None:
             return refusal
         posted: Form = {}
@@ -105,7 +106,9 @@ class ParticipantPages:
                 return work(
                     ParticipantContext(study=study, token=token, participant=participant), posted
                 )
-            except StudyError as error:
+            except StoreError:  # the page of whatever sent it can be sent again
+                raise
+            except SteerlabError as error:
                 return message_page(
                     texts.CANNOT_TITLE,
                     str(error),
@@ -116,18 +119,18 @@ class ParticipantPages:
 
         response = await self._study_thread.do(with_study)
         if response is None:
-            return self._expired(address)
-        self._known.add(_hash(token))
+            return self._expired(source)
+        self._throttle.know(token)
         return response
 
-    def _refusal(self, token: str, address: str) -> Response | None:
-        wait_s = self._throttle.wait_s(address)
-        if wait_s and _hash(token) not in self._known:
+    def _refusal(self, token: str, source: str) -> Response | None:
+        wait_s = self._throttle.wait_s(source)
+        if wait_s and not self._throttle.knows(token):
             return too_many_page(wait_s)
-        return self._expired(address) if len(token) > LONGEST_TOKEN else None
+        return self._expired(source) if len(token) > LONGEST_TOKEN else None
 
-    def _expired(self, address: str) -> Response:
-        self._throttle.wrong(address)
+    def _expired(self, source: str) -> Response:
+        self._throttle.wrong(source)
         return message_page(texts.EXPIRED_TITLE, texts.EXPIRED_TEXT, status=404)
 
 
@@ -140,8 +143,9 @@ def _token(request: Request) -> str:
     return request.path_params["token"]
 
 
-def _hash(token: str) -> bytes:
-    return sha256(token.encode("utf-8", "replace")).digest()
+def _source(request: Request) -> str:
+    """Whose wrong links are counted; wrong passwords are counted apart."""
+    return f"link {client_source(request)}"
 
 
 def keep_decision(context: ParticipantContext, posted: Form) -> Response:
@@ -216,7 +220,9 @@ def keep_answer(phase_id: str, number: int, context: ParticipantContext, posted:
         return PlainTextResponse(what_is_wrong(questionnaire.item(item)), 422)
     try:
         context.study.save_answer(context.participant, phase.id, key, item, value)
-    except StudyError as error:
+    except StoreError:
+        raise
+    except SteerlabError as error:
         return PlainTextResponse(str(error), 409)
     return Response(status_code=204)
 

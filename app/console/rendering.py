@@ -39,9 +39,29 @@ def message_page(
     )
 
 
-def too_many_page(wait_s: int) -> HTMLResponse:
+def busy_page(*paragraphs: str, path: str, posted: Mapping[str, str] | None) -> HTMLResponse:
+    """Says that the study cannot be reached now; a form that was sent can be sent again from it.
+
+    Args:
+        posted: the form's fields; None if the page was only to be read.
+    """
+    response = page(
+        "busy.html.j2",
+        status=503,
+        study="",
+        title=texts.BUSY_TITLE,
+        paragraphs=paragraphs,
+        path=path,
+        posted=posted,
+    )
+    response.headers["retry-after"] = "5"
+    return response
+
+
+def too_many_page(wait_s: int, *, sign_in: bool = False) -> HTMLResponse:
     """Says how long to wait after too many wrong links or passwords."""
-    said = texts.TOO_MANY_TEXT.format(seconds=wait_s)
+    words = texts.TOO_MANY_SIGN_INS if sign_in else texts.TOO_MANY_TEXT
+    said = words.format(seconds=wait_s)
     response = message_page(texts.TOO_MANY_TITLE, said, status=429)
     response.headers["retry-after"] = str(wait_s)
     return response

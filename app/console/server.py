@@ -3,6 +3,7 @@
 import socket
 from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
+from functools import partial
 from pathlib import Path
 from ssl import SSLError
 from types import FrameType
@@ -12,6 +13,9 @@ import uvicorn
 from steerlab.app.console.app import make_app
 from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.config import ConsoleConfig
+from steerlab.app.console.connections import Door, LimitedProtocol
+from steerlab.app.console.few_messages import say_few
+from steerlab.app.console.priority import give_way
 from steerlab.app.console.sign_in import SignIn
 from steerlab.app.console.study_thread import StudyCheckJob, StudyThread
 from steerlab.app.console.wheel_run import RunView, WheelRuns
@@ -26,7 +30,7 @@ def serve(
     open_study: Callable[[], AbstractContextManager[StudyAccess]],
     config: ConsoleConfig,
     *,
-    announce: Callable[[str], None],
+    announce: Callable[[str, str], None],
     device: str = "wheel",
 ) -> RunView | None:
     """Serve a study's pages until Ctrl+C.
@@ -34,7 +38,7 @@ def serve(
     Args:
         folder: the study's, for the wheel phases' own processes.
         open_study: called on each thread that will use the study.
-        announce: called with each sign-in address; each works once.
+        announce: called with the console's address and each sign-in code; each works once.
         device: at which participants sit, as for ``steerlab study run``.
 
     Returns:
@@ -49,14 +53,12 @@ def serve(
     port = listening.getsockname()[1]
     address = config.address(port)
     try:
-        study_thread = StudyThread(open_study)
+        runs = WheelRuns(folder, device=device)  # before ``give_way``
+        study_thread = StudyThread(open_study, give_way)
         try:
-            runs = WheelRuns(folder, device=device)
             check_job = StudyCheckJob(open_study)
             changes = ChangeFeed(study_thread, runs.mark, check_job.mark)
-            sign_in = SignIn(
-                announce=lambda token: announce(f"{address}/enter/{token}"), password=password
-            )
+            sign_in = SignIn(announce=partial(announce, address), password=password)
             app = make_app(
                 study_thread,
                 runs,
@@ -66,8 +68,10 @@ def serve(
                 address=address,
                 changes=changes,
             )
-            server = _Server(_server_config(app, config), changes)
+            server = _Server(server_config(app, config, listening), changes)
+            say_few()
             sign_in.announce_link()
+            give_way()  # not before, which would slow down a browser that ``announce`` opens
             with suppress(KeyboardInterrupt):  # uvicorn raises it again once it has stopped
                 server.run(sockets=[listening])
             last = runs.view()
@@ -91,14 +95,22 @@ class _Server(uvicorn.Server):
         super().handle_exit(sig, frame)
 
 
-def _server_config(app: object, config: ConsoleConfig) -> uvicorn.Config:
+def server_config(app: object, config: ConsoleConfig, door: Door) -> uvicorn.Config:
+    """How ``app`` is served on connections that come through ``door``.
+
+    Raises:
+        InvalidConfig: TLS files are unusable, or others may read the key.
+    """
+    config.check_tls_key()
     made = uvicorn.Config(
         app,  # pyright: ignore[reportArgumentType] (uvicorn names its own ASGI types)
         access_log=False,  # it would hold the participants' links
         log_level="warning",
         server_header=False,
         proxy_headers=False,  # the address that a header claims must not count
+        http=partial(LimitedProtocol, door),  # pyright: ignore[reportArgumentType] (made like it)
         ws="none",
+        backlog=MOST_WAITING,
         timeout_keep_alive=60,  # a page that pauses between two answers keeps its connection
         timeout_graceful_shutdown=3,
         ssl_certfile=config.tls_cert,
@@ -114,13 +126,13 @@ def _server_config(app: object, config: ConsoleConfig) -> uvicorn.Config:
     return made
 
 
-def _bind(config: ConsoleConfig) -> socket.socket:
+def _bind(config: ConsoleConfig) -> Door:
     try:
         addresses = socket.getaddrinfo(
             config.host, config.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
         family, kind, protocol, _, where = addresses[0]
-        listening = socket.socket(family, kind, protocol)
+        listening = Door(family, kind, protocol)
         try:
             listening.setsockopt(socket.SOL_SOCKET, _address_option(), 1)
             listening.bind(where)

@@ -6,10 +6,14 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from time import monotonic
 from typing import TypeVar
 
 from steerlab.sim.errors import SteerlabError
 from steerlab.study.contract import StudyAccess, StudyCheck
+from steerlab.study.store.errors import StoreError
+
+LONGEST_TURN_S = 10.0  # that a request waits for those before it
 
 T = TypeVar("T")
 
@@ -17,13 +21,19 @@ T = TypeVar("T")
 class StudyThread:
     """Does one thing with the study after another; what changes it is durable when done."""
 
-    def __init__(self, open_study: Callable[[], AbstractContextManager[StudyAccess]]) -> None:
-        """Open the study on a thread of its own.
+    def __init__(
+        self,
+        open_study: Callable[[], AbstractContextManager[StudyAccess]],
+        begin: Callable[[], None] | None = None,
+    ) -> None:
+        """Open the study on a thread of its own, which calls ``begin`` first.
 
         Raises:
             SteerlabError: whatever opening it raises.
         """
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="study")
+        self._thread = ThreadPoolExecutor(
+            max_workers=1, thread_name_prefix="study", initializer=begin
+        )
         try:
             self._opened, self._study = self._thread.submit(_enter, open_study).result()
         except BaseException:
@@ -31,8 +41,24 @@ class StudyThread:
             raise
 
     async def do(self, work: Callable[[StudyAccess], T]) -> T:
-        """``work(study)`` on the study's thread."""
-        return await asyncio.get_running_loop().run_in_executor(self._thread, work, self._study)
+        """``work(study)`` on the study's thread.
+
+        Raises:
+            StoreError: those before it took too long, as while another program holds the database;
+                it was not done.
+            SteerlabError: whatever ``work`` raises.
+        """
+        asked_s = monotonic()
+
+        def turn() -> T:
+            waited_s = monotonic() - asked_s
+            if waited_s > LONGEST_TURN_S:
+                raise StoreError(
+                    f"The study was busy for {waited_s:.0f} s, so this was not done; try again."
+                )
+            return work(self._study)
+
+        return await asyncio.get_running_loop().run_in_executor(self._thread, turn)
 
     def close(self) -> None:
         """Finish what is under way, then close the study."""

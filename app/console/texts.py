@@ -80,8 +80,20 @@ EXPIRED_TEXT = (
     "It has ended, was replaced by a newer one, or was not copied completely. If you are taking "
     "part, ask the experimenter for a new link: you go on where you stopped."
 )
+BUSY_TITLE = "The study cannot be reached just now"
+BUSY_READ = "Another program is using it. Please wait a moment and try again."
+BUSY_SENT = (
+    "Another program is using it, so what you sent is not kept yet. It is still on this page: wait "
+    "a moment and try again. If this comes again, tell the experimenter, and leave this page open."
+)
+TRY_AGAIN = "Try again"
 TOO_MANY_TITLE = "Too many wrong links"
 TOO_MANY_TEXT = "Please wait {seconds} seconds and try again, or ask the experimenter."
+TOO_MANY_SIGN_INS = (
+    "Please wait {seconds} seconds and try again, or use the sign-in code in the terminal: that "
+    "one never waits."
+)
+TOO_MANY_PAGES = "Too many pages are open. Close some of them and reload this one."
 STALE_TITLE = "This page is out of date"
 STALE_TEXT = "Nothing was changed. Go back, reload the page and try again."
 REFUSED_TITLE = "This request was refused"
@@ -106,11 +118,13 @@ CHECKS = "Checks"
 SIGN_OUT = "Sign out"
 SIGN_IN_TITLE = "This page is for the experimenter"
 SIGN_IN_LINK = (
-    "Open the sign-in link that the console printed in its terminal. "
-    "Each link works once; after that the terminal shows the next one."
+    "Type the code at the end of the sign-in link that the console printed in its terminal. "
+    "Each works once; after that the terminal shows the next one."
 )
+SIGN_IN_CODE = "Sign-in code"
+SIGN_IN_THERE = "Signed in already? Go on in that tab: its address is for this browser alone."
 SIGN_IN_PARTICIPANT = "Taking part in the study? Open the link that the experimenter gave you."
-SIGN_IN_USED = "That sign-in link was used before, or is not complete."
+SIGN_IN_USED = "That sign-in code was used before, or is not complete."
 PASSWORD = "Password"
 SIGN_IN = "Sign in"
 WRONG_PASSWORD = "That is not the password."
@@ -168,6 +182,7 @@ RUN_BUSY = (
     "“{title}” of {participant} is running, process {pid}. Finish or stop it at the wheel first."
 )
 RUN_NOT_NEXT = "“{title}” is not what comes next for {participant}. Nothing was started."
+RUN_NOT_STARTED = "“{title}” cannot be started: {error}. Close other programs and try again."
 ERASING = "Erasing the data"
 LINK_TITLE = "Participant’s link"
 LINK_NONE = (

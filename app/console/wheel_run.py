@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -50,7 +51,10 @@ class RunView:
 
 
 class WheelRuns:
-    """Starts one process at a time; a process goes on if the console ends."""
+    """Starts one process at a time; a process goes on if the console ends.
+
+    It has the priority that the console had when this was made, and not what ``give_way`` leaves.
+    """
 
     def __init__(
         self,
@@ -68,6 +72,9 @@ class WheelRuns:
         self._process: subprocess.Popen[bytes] | None = None
         self._output: RunOutput | None = None
         self._what = ("", "", "", "")  # participant, phase, title, since
+        # A process gets the priority of the thread that starts it, and a thread that of its own.
+        self._starter = ThreadPoolExecutor(max_workers=1, thread_name_prefix="runs")
+        self._starter.submit(os.getpid).result()  # it would begin with the first run only
 
     def view(self) -> RunView | None:
         """The current or last run; None before the first."""
@@ -97,7 +104,8 @@ class WheelRuns:
             participant, phase: as the study gives them; never what a form says.
 
         Raises:
-            StudyError: another one runs, or a name could be taken for an option.
+            StudyError: another one runs, a name could be taken for an option, or the system starts
+                no more processes.
         """
         _check_names(participant, phase.id)
         options = ("--participant", participant, "--phase", phase.id, "--device", self._device)
@@ -120,22 +128,24 @@ class WheelRuns:
                     title=current.title, participant=current.participant, pid=current.pid
                 )
             )
+        command = [*self._command, act, str(self._folder), *options]
+        output = None
+        try:
+            output = RunOutput()
+            process = self._starter.submit(_started, command, output).result()
+        except OSError as error:
+            if output is not None:
+                output.close()
+            raise StudyError(texts.RUN_NOT_STARTED.format(title=title, error=error)) from error
         self._close_output()
-        self._output = RunOutput()
-        self._process = subprocess.Popen(
-            [*self._command, act, str(self._folder), *options],
-            stdin=subprocess.DEVNULL,
-            stdout=self._output.sink,
-            stderr=subprocess.STDOUT,
-            env={**os.environ, "PYTHONIOENCODING": "utf-8"},  # as it is read; Windows has others
-            **apart_from_terminal(),
-        )
+        self._process, self._output = process, output
         self._output.handed_over()
         self._what = (participant, phase, title, self._now().strftime("%H:%M"))
 
     def close(self) -> None:
         """Forget the run; it goes on if it has not ended."""
         self._close_output()
+        self._starter.shutdown()
 
     def _close_output(self) -> None:
         if self._output is not None:
@@ -148,6 +158,17 @@ class WheelRuns:
         tail = self._output.tail(LAST_BYTES).decode("utf-8", "replace")
         lines = [line.rstrip() for line in tail.splitlines()]
         return tuple(line for line in lines if line)[-LAST_LINES:]
+
+
+def _started(command: Sequence[str], output: "RunOutput") -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=output.sink,
+        stderr=subprocess.STDOUT,
+        env={**os.environ, "PYTHONIOENCODING": "utf-8"},  # as it is read; Windows has others
+        **apart_from_terminal(),
+    )
 
 
 def _check_names(*names: str) -> None:

@@ -1,9 +1,14 @@
 """An offscreen camera tuned for software OpenGL: 0.5 ms for 64 x 64 where defaults take 65 ms."""
 
+import atexit
+import ctypes
 import os
+import sys
 from importlib import import_module
+from threading import get_ident
 from types import TracebackType
 from typing import Protocol
+from weakref import WeakSet
 
 import mujoco
 import numpy as np
@@ -12,8 +17,13 @@ from OpenGL.error import Error as OpenGLError
 
 from steerlab.sim.camera_config import CameraConfig
 from steerlab.sim.engine.car import CAR_GROUP
-from steerlab.sim.engine.gl import INSTALL_HINT, choose_gl, context_module
+from steerlab.sim.engine.gl import INSTALL_HINT, choose_gl, context_module, why_not
 from steerlab.sim.errors import NoRenderer
+
+_FORKED = (
+    "This process was forked from one that had drawn, and OpenGL does not survive that. Start it "
+    'afresh, with multiprocessing.get_context("spawn"), or fork before the first camera.'
+)
 
 
 class _GLContext(Protocol):
@@ -25,8 +35,12 @@ class _GLContext(Protocol):
 class Camera:
     """Draws the scene of one model and data pair; close it before the model goes.
 
+    It belongs to the thread that made it. In a process that was forked from one that has drawn,
+    there is no drawing: there, closing does nothing.
+
     Raises:
-        NoRenderer: this machine has no OpenGL back end that can draw offscreen.
+        NoRenderer: this machine has no OpenGL back end that can draw offscreen, or the process was
+            forked.
     """
 
     def __init__(
@@ -51,6 +65,8 @@ class Camera:
         self._viewport = mujoco.MjrRect(0, 0, width, height)
         self._bottom_up = np.empty((height, width, 3), np.uint8)
         self._frame = np.empty_like(self._bottom_up)
+        self._thread = get_ident()
+        _process.opened(self)
 
     def frame(self, out: NDArray[np.uint8] | None = None) -> NDArray[np.uint8]:
         """Draw what the camera sees now.
@@ -58,9 +74,15 @@ class Camera:
         Returns:
             (height, width, 3) RGB, top row first: ``out`` if given, else a buffer that the next
             call overwrites.
+
+        Raises:
+            NoRenderer: the camera is closed, or another thread or a forked process asks.
         """
         if self._gl is None:
-            raise NoRenderer("This camera is closed; make a new one.")
+            raise NoRenderer(
+                _FORKED if _process.forked else "This camera is closed; make a new one."
+            )
+        self._check_thread("draws")
         frame = self._frame if out is None else out
         model, data = self.model, self._data
         # mj_step leaves positions one physics step behind; these two do not touch its warm start.
@@ -82,8 +104,13 @@ class Camera:
         return frame
 
     def close(self) -> None:
-        """Free the OpenGL context; calling it again does nothing."""
+        """Free the OpenGL context; calling it again does nothing.
+
+        Raises:
+            NoRenderer: another thread than the one that made the camera asks.
+        """
         if self._gl is not None:
+            self._check_thread("is closed")
             self._gl.make_current()
             self._context.free()
             self._gl.free()
@@ -100,9 +127,53 @@ class Camera:
     ) -> None:
         self.close()
 
+    def _check_thread(self, does: str) -> None:
+        if get_ident() != self._thread:
+            raise NoRenderer(
+                f"A camera {does} only in the thread that made it; make one in each thread that "
+                "draws, and close it there."
+            )
+
+    def _abandon(self) -> None:
+        """Never free what belongs to the process from which this one was forked: that hangs."""
+        for one in (self._context, self._gl):
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(one))
+        self._gl = None
+
+
+class _Process:
+    """What this process has drawn with, so that one forked from it touches none of it."""
+
+    def __init__(self) -> None:
+        self.forked = False
+        self._cameras: WeakSet[Camera] = WeakSet()
+        self._watched = False
+
+    def opened(self, camera: Camera) -> None:
+        self._cameras.add(camera)
+        if not self._watched and hasattr(os, "register_at_fork"):
+            os.register_at_fork(after_in_child=self._after_fork)
+        self._watched = True
+
+    def _after_fork(self) -> None:
+        self.forked = True
+        for camera in self._cameras:
+            if camera._gl is not None:
+                camera._abandon()
+        egl = sys.modules.get("mujoco.egl")
+        if egl is not None:  # it would shut the driver down at exit
+            atexit.unregister(egl.EGL.eglTerminate)
+
+
+_process = _Process()
+
 
 def _open_context(width: int, height: int) -> _GLContext:
+    if _process.forked:
+        raise NoRenderer(_FORKED)
     backend = choose_gl()
+    if backend is None and why_not():
+        raise NoRenderer(why_not())
     try:
         if backend is None:
             raise RuntimeError("no back end works here")

@@ -1,7 +1,7 @@
 """``Driving``: the fast way to drive, with nothing between the caller and ``mj_step``."""
 
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, inf
 from types import TracebackType
 
 import mujoco
@@ -35,8 +35,13 @@ class DrivingConfig:
                 f"control_hz is {self.control_hz}; one control step must be a whole number of "
                 f"{PHYSICS_TIMESTEP_S} s physics steps: 10, 20, 25, 50 or 100 Hz."
             )
-        if not self.time_limit_s > 0:
-            raise InvalidConfig(f"time_limit_s is {self.time_limit_s}; it must be positive.")
+        if not 0 < self.time_limit_s < inf:
+            raise InvalidConfig(
+                f"time_limit_s is {self.time_limit_s}; it must be positive and finite."
+            )
+        for name in ("start_jitter_m", "start_jitter_rad"):
+            if not 0 <= getattr(self, name) < inf:
+                raise InvalidConfig(f"{name} is {getattr(self, name)}; it must be from 0.")
 
     @property
     def substeps(self) -> int:

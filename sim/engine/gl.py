@@ -1,7 +1,8 @@
 """What must be settled before MuJoCo is imported: the OpenGL back end, and Triton before OpenGL.
 
-MuJoCo and dm_control read ``MUJOCO_GL`` at import and fail late when it does not fit. A back end
-is tried in a process of its own (a broken driver may crash the process), the answer is cached.
+MuJoCo and dm_control read ``MUJOCO_GL`` at import and fail there, or late, when it does not fit. A
+back end is tried in a process of its own (a broken driver may crash the process), the answer is
+cached. What was settled is told to the processes that are started from here, by the environment.
 
 PyTorch's CUDA build brings Triton, which carries an LLVM of its own; Mesa's software drivers load
 LLVM as a shared library, whose symbols PyOpenGL makes visible to everyone. A Triton that is loaded
@@ -19,7 +20,8 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
-from steerlab.sim.errors import NoRenderer
+from steerlab.sim.errors import shown
+from steerlab.sim.files.whole_file import whole_file
 
 if sys.platform == "darwin":
     BACKENDS: tuple[str, ...] = ("cgl", "glfw")
@@ -32,6 +34,8 @@ else:
     INSTALL_HINT = "sudo apt-get install libegl1 libgl1 libgl1-mesa-dri"
 _DISABLED = "disabled"
 _NO_BACKEND = (_DISABLED, "disable", "off", "false", "0")  # as MuJoCo takes it
+_SETTLED = "STEERLAB_GL"  # the ``MUJOCO_GL`` that was found good here
+_WHY_NOT = "STEERLAB_GL_WHY_NOT"  # what is wrong with the one that the user has set
 _PROBE = """
 import mujoco
 context = mujoco.GLContext(32, 32)
@@ -52,26 +56,43 @@ _log = logging.getLogger(__name__)
 def choose_gl() -> str | None:
     """Set ``MUJOCO_GL`` unless the user has; return the back end, None where none works.
 
-    Without a back end everything but the camera works; ``Camera`` then raises ``NoRenderer``.
-
-    Raises:
-        NoRenderer: ``MUJOCO_GL`` is set to something that is no back end; MuJoCo's import would
-            fail on it.
+    Without a back end everything but the camera works; ``Camera`` then raises ``NoRenderer``. So it
+    is where the user's choice is no back end or cannot draw, which is said once: MuJoCo's import
+    would fail on some of those.
     """
-    chosen = os.environ.get("MUJOCO_GL")
-    if chosen is None:
-        chosen = _cached() or _probe_all() or _DISABLED
-        os.environ["MUJOCO_GL"] = chosen
-    elif chosen not in (*BACKENDS, *_NO_BACKEND):
-        raise NoRenderer(
-            f"MUJOCO_GL is {chosen!r}, which is no OpenGL back end; unset it to let steerlab "
-            f"choose, or set it to one of {', '.join(BACKENDS)}."
-        )
+    asked = os.environ.get("MUJOCO_GL", "").strip().lower()  # as MuJoCo reads it
+    if not asked or asked != os.environ.get(_SETTLED):
+        os.environ[_WHY_NOT] = why_not = _why_not(asked)
+        if why_not:
+            _log.warning("%s Until then, nothing is drawn.", why_not)
+            asked = _DISABLED
+        os.environ[_SETTLED] = asked or _cached(_cache_key()) or _probe_all() or _DISABLED
+    chosen = os.environ["MUJOCO_GL"] = os.environ[_SETTLED]
     if chosen in ("egl", "osmesa"):  # PyOpenGL must be told too, before its first import
-        os.environ.setdefault("PYOPENGL_PLATFORM", chosen)
+        os.environ["PYOPENGL_PLATFORM"] = chosen
     if chosen == "osmesa":
         os.environ.setdefault("DISABLE_RENDER_THREAD_OFFLOADING", "1")  # else noise at exit
     return chosen if chosen in BACKENDS else None
+
+
+def why_not() -> str:
+    """What is wrong with the ``MUJOCO_GL`` that the user has set, and the remedy; empty if nothing."""
+    return os.environ.get(_WHY_NOT, "")
+
+
+def _why_not(asked: str) -> str:
+    if not asked or asked in _NO_BACKEND:
+        return ""
+    if asked not in BACKENDS:
+        cause = "is no OpenGL back end"
+    elif _draws(asked):
+        return ""
+    else:
+        cause = "cannot draw on this machine"
+    return (
+        f"MUJOCO_GL is {shown(asked)}, which {cause}; unset it to let steerlab choose, or set it "
+        f"to one of {', '.join(BACKENDS)} that draws here."
+    )
 
 
 def draw_without_threads() -> None:
@@ -111,14 +132,34 @@ def _probe_all() -> str | None:
         if backend == "glfw" and sys.platform == "linux" and "DISPLAY" not in os.environ:
             continue
         if works(backend):
-            _remember(backend)
+            _remember(_cache_key(), backend)
             return backend
     return None
 
 
+def _draws(backend: str) -> bool:
+    """Whether a back end of the user's own choice works, tried or remembered."""
+    key = f"{_cache_key()}, MUJOCO_GL {backend}"
+    if backend in (_cached(_cache_key()), _cached(key)):
+        return True
+    if not works(backend):
+        return False
+    _remember(key, backend)
+    return True
+
+
 def _cache_file() -> Path:
-    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(root) / "steerlab" / "gl.json"
+    """Where answers are kept.
+
+    Raises:
+        OSError: the user has no home folder.
+    """
+    root = os.environ.get("XDG_CACHE_HOME")
+    try:
+        folder = Path(root) if root else Path.home() / ".cache"
+    except RuntimeError as error:  # neither HOME nor an entry in the system's list of users
+        raise OSError(str(error)) from error
+    return folder / "steerlab" / "gl.json"
 
 
 def _cache_key() -> str:
@@ -126,20 +167,26 @@ def _cache_key() -> str:
     return f"mujoco {version('mujoco')}, display {os.environ.get('DISPLAY', 'none')}"
 
 
-def _cached() -> str | None:
+def _cached(key: str) -> str | None:
     """A remembered success; failures are not kept, since the user may fix them."""
-    try:
-        backend = json.loads(_cache_file().read_text(encoding="utf-8"))[_cache_key()]
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    return backend if backend in BACKENDS else None
+    answer = _answers().get(key)
+    return next((backend for backend in BACKENDS if backend == answer), None)
 
 
-def _remember(backend: str) -> None:
-    path = _cache_file()
+def _answers() -> dict[str, object]:
     try:
+        answers = json.loads(_cache_file().read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return answers if isinstance(answers, dict) else {}
+
+
+def _remember(key: str, backend: str) -> None:
+    try:
+        path = _cache_file()
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({_cache_key(): backend}), encoding="utf-8")
+        with whole_file(path) as fresh:
+            fresh.write_text(json.dumps(_answers() | {key: backend}), encoding="utf-8")
     except OSError as error:  # a read-only home costs a probe at each start, nothing else
         _log.debug("cannot cache the OpenGL choice: %s", error)
 

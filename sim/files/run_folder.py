@@ -68,8 +68,27 @@ def _difference(path: Path, wanted: dict[str, Any]) -> str:
 
 
 def write_json(values: object, path: Path, *, indent: int | None = 1) -> None:
-    """Write plain values; see ``write_text``."""
-    write_text(json.dumps(values, ensure_ascii=False, allow_nan=False, indent=indent) + "\n", path)
+    """Write plain values; see ``write_text``.
+
+    Raises:
+        OutputError: also if a figure is NaN or infinite: such a run is no success.
+    """
+    write_text(finite_json(values, path.name, indent=indent) + "\n", path)
+
+
+def finite_json(values: object, name: str, *, indent: int | None = 1) -> str:
+    """JSON of plain values, ``name`` being the file that they are for.
+
+    Raises:
+        OutputError: a figure is NaN or infinite: such a run is no success.
+    """
+    try:
+        return json.dumps(values, ensure_ascii=False, allow_nan=False, indent=indent)
+    except ValueError as error:
+        raise OutputError(
+            f"{name} would hold a figure that is NaN or infinite ({error}), so the run is no "
+            "success; look for labels of absurd size, or a training that diverged."
+        ) from error
 
 
 def write_text(text: str, path: Path) -> None:

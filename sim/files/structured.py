@@ -17,12 +17,13 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from steerlab.sim.errors import InvalidConfig, InvalidValue, SteerlabError
+from steerlab.sim.errors import InvalidConfig, InvalidValue, SteerlabError, shown
 from steerlab.sim.files.toml_lines import line_of
 
 if TYPE_CHECKING:  # twenty milliseconds, which only whoever reads a file should pay
     from cattrs import Converter
 
+BYTE_ORDER_MARK = "\ufeff"  # Windows' editors begin UTF-8 files with one; it means nothing
 Kind = TypeVar("Kind")
 Hook = Callable[[Any, Any], Any]
 
@@ -105,7 +106,7 @@ def within_file(file: str, text: str = "") -> Iterator[None]:
         yield
     except InvalidValue as error:
         whole = error.under("$")
-        raise whole.at(file, line_of(text, whole.path)) from None
+        raise whole.at(file, line_of(text.removeprefix(BYTE_ORDER_MARK), whole.path)) from None
 
 
 def toml_values(text: str, file: str) -> dict[str, Any]:
@@ -115,7 +116,7 @@ def toml_values(text: str, file: str) -> dict[str, Any]:
         InvalidConfig: it is none.
     """
     try:
-        return tomllib.loads(text)
+        return tomllib.loads(text.removeprefix(BYTE_ORDER_MARK))
     except (ValueError, RecursionError) as error:  # a number too long is a plain ValueError
         raise InvalidConfig(f"{file} is no TOML: {error}. Mend it there.") from error
 
@@ -127,13 +128,16 @@ def json_values(text: str, file: str) -> Any:
         InvalidConfig: it is none, or an object has a key twice.
     """
     try:
+        text = text.removeprefix(BYTE_ORDER_MARK)
         return json.loads(text, object_pairs_hook=_each_key_once)
     except (ValueError, RecursionError) as error:
         raise InvalidConfig(f"{file} is no JSON: {error}.") from error
 
 
 def utf8_text(path: Path) -> str:
-    """The text of a file, to the last byte: whoever hashes it needs its line ends as they are.
+    """The text of a file, to the last byte: whoever hashes it needs it as it is.
+
+    So line ends, and a byte-order mark that it may begin with, are kept.
 
     Raises:
         InvalidConfig: it cannot be read, or is no UTF-8.
@@ -300,7 +304,7 @@ def _words(kind: Any) -> str:
 
 def _step(key: str) -> str:
     """The way to a key from the table that has it."""
-    return key if re.fullmatch(r"[\w\-]+", key) else f"[{key!r}]"
+    return key if re.fullmatch(r"[\w\-]+", key) else f"[{shown(key)}]"
 
 
 def _each_key_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv as pv
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
@@ -76,14 +75,19 @@ class TableFile:
             or types.is_null(kind)
         )
 
-    def numbers(self, name: str) -> FloatArray:
+    def numbers(self, name: str, *, truth_values: bool = False) -> FloatArray:
         """A column of numbers, (rows,); NaN where there is none.
+
+        Args:
+            truth_values: may be there instead, throughout; they become 0 and 1.
 
         Raises:
             SteerlabError: a value is no number, or a whole number too large to be kept exactly.
         """
         column = self.table.column(name)
-        if not self.is_numeric(name):
+        if truth_values and pa.types.is_boolean(column.type):
+            column = column.cast(pa.int8())
+        elif not self.is_numeric(name):
             self._refuse(name, self._texts(name), pa.float64(), _NUMBER)
         values = column.cast(pa.float64(), safe=False).to_numpy()
         if pa.types.is_integer(column.type) and (np.abs(values) >= _EXACT).any():
@@ -114,31 +118,34 @@ class TableFile:
         column, allowed = self.table.column(name), "it must be true or false"
         if pa.types.is_boolean(column.type):
             if column.null_count:
-                raise self.wrong(_first(column.is_null()), name, None, allowed)
+                row = int(np.argmax(column.is_null().to_numpy()))
+                raise self.wrong(row, name, None, allowed)
             return column.to_numpy()
         texts = self._texts(name)
-        known = pc.is_in(pc.utf8_lower(texts), pa.array(["true", "false"], texts.type))
-        if not pc.all(known).as_py():
-            row = _first(pc.invert(known))
-            raise self.wrong(row, name, texts[row].as_py() or None, allowed)
+        for row, value in enumerate(texts.to_pylist()):
+            if value is None or value.lower() not in ("true", "false"):
+                raise self.wrong(row, name, value, allowed)
         raise self._stored_otherwise(name, texts, "truth values")
 
-    def names(self, name: str) -> tuple[tuple[str, ...], IntArray]:
+    def names(self, name: str, *, people_chose: bool = True) -> tuple[tuple[str, ...], IntArray]:
         """The sorted distinct texts of a column, and each row's index into them, (rows,).
+
+        Args:
+            people_chose: the names, so that two which look alike are not two for certain.
 
         Raises:
             SteerlabError: a row has no name, or two names look like one.
         """
         encoded = self._texts(name).dictionary_encode()
         values: list[str | None] = encoded.dictionary.to_pylist()
-        codes = pc.fill_null(encoded.indices, len(values)).to_numpy().astype(np.int64)
+        codes = encoded.indices.fill_null(len(values)).to_numpy().astype(np.int64)
         for code, value in enumerate([*values, None]):
             if (value is None or not appearance(value)) and (codes == code).any():
                 row = int(np.argmax(codes == code))
                 raise self.wrong(row, name, value, "every row needs a name")
         known = [value for value in values if value is not None]
         order = sorted(range(len(known)), key=known.__getitem__)
-        if pair := alike(known):
+        if people_chose and (pair := alike(known)):
             row = int(np.argmax(codes == known.index(pair[1])))
             raise self.error(
                 f"{self.place(row)}: {name}s {both_shown(*pair)}. Write them alike if they are "
@@ -150,7 +157,7 @@ class TableFile:
 
     def wrong(self, row: int, name: str, value: object, allowed: str) -> SteerlabError:
         """The error of one value; None if the cell is empty."""
-        said = "empty" if value is None else shown(value)
+        said = "empty" if value is None or value == "" else shown(value)
         return self.error(f"{self.place(row)}: {name} is {said}; {allowed}.")
 
     def _texts(self, name: str) -> pa.StringArray:
@@ -159,7 +166,7 @@ class TableFile:
         if isinstance(column, pa.ChunkedArray):  # of no rows, in old versions
             column = pa.concat_arrays(column.chunks)
         if pa.types.is_floating(column.type):
-            column = pc.if_else(pc.is_nan(column), pa.scalar(None, column.type), column)
+            column = pa.array(column.to_numpy(zero_copy_only=False), from_pandas=True)  # no NaN
         try:
             return column.cast(pa.string())
         except pa.ArrowException as why:
@@ -173,18 +180,19 @@ class TableFile:
 
     def _refuse(self, name: str, texts: pa.StringArray, kind: pa.DataType, allowed: str) -> None:
         """Raise the error of the first of ``texts`` that cannot be cast to ``kind``."""
-        trimmed = pc.utf8_trim_whitespace(texts)
-        given = pc.if_else(pc.is_in(trimmed, pa.array(_EMPTY, pa.string())), None, trimmed)
+        trimmed = ["" if text is None else text.strip() for text in texts.to_pylist()]
+        given = pa.array([None if text in _EMPTY else text for text in trimmed], pa.string())
         if _casts(given, kind):
             raise self._stored_otherwise(name, texts, "numbers")
         row = _first_refused(given, kind)
         raise self.wrong(row, name, texts[row].as_py(), allowed)
 
     def _stored_otherwise(self, name: str, texts: pa.StringArray, what: str) -> SteerlabError:
-        kind, example = self.table.column(name).type, next(iter(pc.drop_null(texts)), None)
+        kind = self.table.column(name).type
+        example = next((text for text in texts.to_pylist() if text), None)
         return self.error(
-            f"{self.path.name}: column {name} holds {kind} such as {shown(str(example))}; store it "
-            f"as {what}."
+            f"{self.path.name}: column {name} holds {kind} such as {shown(example)}; store it as "
+            f"{what}."
         )
 
 
@@ -290,7 +298,8 @@ def _other_format(path: Path) -> str:
                 f"separates its columns by {what}. Save it with commas between columns and points "
                 f"in numbers."
             )
-    return _undecodable_line(1, lines[0]) if lines else ""
+    cause = _undecodable_line(1, lines[0]) if lines else ""
+    return f"cannot be read: {cause}" if cause else ""
 
 
 def _undecodable(path: Path) -> str:
@@ -322,8 +331,9 @@ def _uneven(path: Path) -> str:
         if len(row) != cells:
             start = shown(",".join(row))
             return (
-                f"line {line} has {len(row)} of {cells} cells: {start}. Give a cell for each "
-                f"column of the header; quote a cell that has commas; delete comment lines."
+                f"line {line} has {len(row)} cells, and the first line, which names the columns, "
+                f"{cells}: {start}. Give each line as many; quote a cell that has commas; delete "
+                f"comment lines and titles."
             )
     return ""
 
@@ -347,10 +357,6 @@ def _csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
                 line = reader.line_num + 1
         except csv.Error:  # a cell beyond its limit: no line can be told
             return
-
-
-def _first(flags: pa.Array | pa.ChunkedArray) -> int:
-    return pc.index(flags, True).as_py()
 
 
 def _casts(column: pa.Array, kind: pa.DataType) -> bool:

@@ -217,11 +217,11 @@ def _fill(connection: sqlite3.Connection, path: Path) -> None:
 def _check_ours(connection: sqlite3.Connection, path: Path) -> None:
     """Refuse what this steerlab did not make and cannot read."""
     if connection.execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
-        if connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0:
+        tables = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+        if tables == 0 and _is_logged(path):
             raise StoreError(
-                f"{path} is empty: what was kept is in {path.name}-wal beside it, if that was "
-                f"not copied too. Copy the whole folder again, with every file, after closing the "
-                f"programs that use it; a new study begins with steerlab study new."
+                f"{path} was copied without {path.name}-wal, in which a program had just kept all "
+                f"there is. Close that program and copy the whole folder again, with every file."
             )
         raise StoreError(
             f"{path} is a SQLite file, but not one that steerlab made; give the study.db of a "
@@ -241,6 +241,12 @@ def _check_ours(connection: sqlite3.Connection, path: Path) -> None:
         f"it: open it with the steerlab that made it, since formats that were never released are "
         f"not converted."
     )
+
+
+def _is_logged(path: Path) -> bool:
+    """Whether a file's header says that it has a log (``-wal``)."""
+    with path.open("rb") as file:
+        return file.read(20)[18:] == b"\2\2"  # versions of the formats: 2 is WAL
 
 
 def _this_steerlab() -> str:

@@ -1,10 +1,12 @@
 """Opens the device that a command-line argument names: ``wheel:G29``, ``scripted:human:3``."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import get_args
 
-from steerlab.sim.populations import PopulationKind, sample_population
+from steerlab.sim.errors import shown
+from steerlab.sim.populations import LONGEST_SEED, PopulationKind, sample_population
 from steerlab.teleop.devices.contract import Device, DeviceError
 from steerlab.teleop.devices.force_feedback import (
     DEFAULT_AUTOCENTRE,
@@ -51,7 +53,7 @@ def open_device(
     if kind == "scripted":
         return _scripted(spec, rest)
     if kind == "trace" and rest:
-        return read_trace(Path(rest))
+        return read_trace(Path(os.path.expanduser(rest)))  # no shell does it after a colon
     makers: dict[str, Callable[[SdlEvents], Device]] = {
         "wheel": lambda queue: WheelDevice(
             queue, name=rest, open_feedback=None if autocentre is None else _feedback(autocentre)
@@ -61,7 +63,7 @@ def open_device(
         "mouse": MouseDevice,
     }
     if kind not in makers or (rest and kind in ("keyboard", "mouse")) or spec.endswith(":"):
-        raise DeviceError(f"No device {spec!r}; choose one of {', '.join(DEVICE_SPECS)}.")
+        raise DeviceError(f"No device {shown(spec)}; choose one of {', '.join(DEVICE_SPECS)}.")
     if events is None:
         raise DeviceError(f"{spec!r} needs SDL's event queue; open SdlEvents first.")
     return makers[kind](events)
@@ -77,10 +79,10 @@ def _feedback(autocentre: float) -> OpenFeedback:
 def _scripted(spec: str, rest: str) -> ScriptedDevice:
     for kind in get_args(PopulationKind):
         seed = rest.removeprefix(f"{kind}:")
-        if seed != rest and seed.isascii() and seed.isdecimal():
+        if seed != rest and seed.isascii() and seed.isdecimal() and len(seed) <= LONGEST_SEED:
             (teacher,) = sample_population(kind, 1, int(seed), prefix="scripted")
             return ScriptedDevice(teacher)
     raise DeviceError(
-        f"No scripted teacher {spec!r}; give scripted:KIND:SEED with a KIND of "
-        f"{', '.join(_KINDS)} and a SEED from 0, such as scripted:human:3."
+        f"No scripted teacher {shown(spec)}; give scripted:KIND:SEED with a KIND of "
+        f"{', '.join(_KINDS)} and a SEED from 0 of at most {LONGEST_SEED} digits, such as scripted:human:3."
     )

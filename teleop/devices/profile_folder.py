@@ -35,9 +35,19 @@ class StoredProfile:
 
 
 def user_profile_folder() -> Path:
-    """``$XDG_CONFIG_HOME/steerlab/wheels``, by default below ``~/.config``; it may not exist."""
+    """``$XDG_CONFIG_HOME/steerlab/wheels``, by default below ``~/.config``; it may not exist.
+
+    Raises:
+        DeviceError: the user has no home folder, and nothing else is said.
+    """
     config = os.environ.get("XDG_CONFIG_HOME")
-    return (Path(config) if config else Path.home() / ".config") / "steerlab" / "wheels"
+    try:
+        folder = Path(config) if config else Path.home() / ".config"
+    except RuntimeError as error:  # neither HOME nor an entry in the system's list of users
+        raise DeviceError(
+            "There is no home folder to keep wheel profiles in; set HOME, or XDG_CONFIG_HOME."
+        ) from error
+    return folder / "steerlab" / "wheels"
 
 
 def shipped_profiles() -> list[StoredProfile]:
@@ -57,10 +67,28 @@ def user_profiles(folder: Path | None = None) -> list[StoredProfile]:
     Raises:
         InvalidConfig: a file holds nonsense, is no TOML, or cannot be read.
     """
-    folder = folder or user_profile_folder()
-    return [
-        _stored(utf8_text(path), str(path), shipped=False) for path in sorted(folder.glob("*.toml"))
-    ]
+    profiles, damaged = sound_profiles(folder)
+    if damaged:
+        raise damaged[0]
+    return profiles
+
+
+def sound_profiles(
+    folder: Path | None = None,
+) -> tuple[list[StoredProfile], list[SteerlabError]]:
+    """The user's profiles that can be read, and what is wrong with each of the others."""
+    try:
+        folder = folder or user_profile_folder()
+    except DeviceError:  # nobody could have written any
+        return [], []
+    profiles: list[StoredProfile] = []
+    damaged: list[SteerlabError] = []
+    for path in sorted(folder.glob("*.toml")):
+        try:
+            profiles.append(_stored(utf8_text(path), str(path), shipped=False))
+        except SteerlabError as error:
+            damaged.append(error)
+    return profiles, damaged
 
 
 def save_profile(profile: WheelProfile, folder: Path | None = None) -> Path:

@@ -91,7 +91,7 @@ def read_trace(path: Path) -> TraceDevice:
     remedy = f"Give a table with step, wheel, or all of {', '.join(COLUMNS)}."
     with reading(path, "a trace", DeviceError, remedy):
         if suffix == ".csv":
-            with path.open(newline="", encoding="utf-8") as file:
+            with path.open(newline="", encoding="utf-8-sig") as file:
                 reader = csv.DictReader(file)
                 columns, rows = list(reader.fieldnames or ()), list(reader)
         else:

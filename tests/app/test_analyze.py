@@ -12,8 +12,10 @@ import pytest
 
 from steerlab.analysis.study_data import study as study_data
 from steerlab.analysis.study_data.networks import judge
+from steerlab.analysis.study_data.records import ConditionValue, NotAStudy, Person, StudyData
 from steerlab.analysis.study_data.study import read_study
 from steerlab.analysis.study_tables.tables import KEYS
+from steerlab.app.analyze import with_conditions
 from steerlab.app.cli import main
 from steerlab.learning.checkpoint import load_mapper
 from steerlab.study import study_folder
@@ -201,6 +203,35 @@ def test_outcomes_of_conditions_join_a_study(study, analyze, tmp_path):
     assert "at least 4 are needed" in json.dumps(found["conditions"])
     left = [row["who"] for row in found["exclusions"]["rows"]]
     assert left == ["X999"]
+
+
+@pytest.mark.parametrize(
+    ("who", "condition", "said"),
+    [
+        ("P001 ", "bc", "Participants 'P001' and 'P001 ' differ only by blanks"),
+        ("p001", "bc", "Participants 'P001' and 'p001' differ only by blanks"),
+        ("P002", "BC", "Conditions 'bc' and 'BC' differ only by blanks"),
+    ],
+)
+def test_outcomes_of_somebody_who_only_looks_like_another_are_refused(who, condition, said):
+    """They would be left out, or join as another condition."""
+
+    def value(person: str, condition: str) -> ConditionValue:
+        return ConditionValue(
+            person=person, condition=condition, metric="success", value=1, round=0
+        )
+
+    data = StudyData(
+        kind="study",
+        title="",
+        simulated=False,
+        people=(Person(id="P001", role=Role.TEST), Person(id="P002", role=Role.TEST)),
+        series=(),
+        conditions=(value("P001", "bc"),),
+    )
+    assert len(with_conditions(data, [value("P002", "bc")]).conditions) == 2
+    with pytest.raises(NotAStudy, match=said):
+        with_conditions(data, [value(who, condition)])
 
 
 @pytest.mark.slow

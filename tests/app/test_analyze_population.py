@@ -90,3 +90,11 @@ def test_a_population_run_keeps_its_own_report(population_run, capsys):
         assert found["per_sample_percent"] == pytest.approx(
             expected["per_sample_percent"], rel=1e-4
         )
+
+
+def test_no_network_at_all_is_a_choice(population_run, capsys):
+    assert main(["analyze", str(population_run), "--seeds", "0"]) == 0
+    report = default_out(population_run) / "report"
+    tables = json.loads((report / "tables.json").read_text())
+    assert not list(population_run.glob("models/analysis-*"))
+    assert tables["exclusions"]["analysed"]

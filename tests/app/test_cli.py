@@ -11,7 +11,7 @@ import pytest
 from steerlab.app import cli, doctor, simulate
 from steerlab.app.cli import VERBS, main
 from steerlab.sim import calibration_set
-from steerlab.sim.engine import camera
+from steerlab.sim.engine import camera, gl
 from steerlab.sim.errors import NoRenderer
 
 SMALL = ["--teachers", "7", "--new-teachers", "2", "--rollouts", "4"]
@@ -198,3 +198,70 @@ def test_a_reader_that_has_seen_enough_is_no_error():
     done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, timeout=60)
     os.close(writing)
     assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, "")
+
+
+@pytest.mark.parametrize("columns", ["1", "10", "100000000"])
+@pytest.mark.parametrize("arguments", [["--help"], ["simulate", "--help"], ["simulate", "--nope"]])
+def test_no_terminal_is_too_narrow_or_too_wide(arguments, columns):
+    done = subprocess.run(
+        [sys.executable, "-m", cli.__name__, *arguments],
+        env=os.environ | {"COLUMNS": columns}, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    said = done.stdout + done.stderr
+    assert "simulate" in said
+    assert max(map(len, said.splitlines())) <= 1000
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no such terminal there")
+@pytest.mark.parametrize("arguments", [["--help"], ["simulate", "--help"], ["study", "new", "é"]])
+def test_a_terminal_of_another_encoding_shows_what_it_can(arguments, tmp_path):
+    terminal, inside = os.openpty()
+    command = [sys.executable, "-m", cli.__name__, *arguments]
+    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.Popen(command, stdout=inside, stderr=inside, env=environment, cwd=tmp_path)
+    os.close(inside)
+    said = b""
+    try:
+        while piece := os.read(terminal, 4096):
+            said += piece
+    except OSError:  # Linux says so when the other end is closed
+        pass
+    os.close(terminal)
+    assert done.wait(60) == 0, said
+    assert b"steerlab" in said
+    assert said.isascii()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX shell")
+@pytest.mark.parametrize("closed", ["1>&-", "2>&-", "0<&-"])
+def test_a_stream_that_was_closed_is_no_error(closed, tmp_path):
+    command = f'"{sys.executable}" -m {cli.__name__} study new made {closed}'
+    done = subprocess.run(command, shell=True, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "made" / "study.db").is_file()
+
+
+def test_doctor_says_what_is_wrong_with_the_back_end_that_was_asked_for(capsys, monkeypatch):
+    monkeypatch.setattr(
+        doctor, "_training", lambda: doctor.CheckResult(what="x", found="", ok=True)
+    )
+    monkeypatch.setattr(gl, "works", lambda backend: False)
+    for name, value in {"MUJOCO_GL": "glut", "STEERLAB_GL": "", "STEERLAB_GL_WHY_NOT": ""}.items():
+        monkeypatch.setenv(name, value)
+    assert main(["doctor", "--json"]) == 1
+    findings = {one["what"]: one for one in json.loads(capsys.readouterr().out)}
+    assert not findings["OpenGL"]["ok"]
+    assert "MUJOCO_GL is 'glut'" in findings["OpenGL"]["found"]
+    assert "Unset MUJOCO_GL" in findings["OpenGL"]["mend"]
+
+
+def test_one_damaged_profile_does_not_hide_the_wheels(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    folder = tmp_path / "steerlab" / "wheels"
+    folder.mkdir(parents=True)
+    (folder / "mine.toml").write_text("format = [")
+    assert main(["wheel", "list"]) == 1
+    printed = capsys.readouterr()
+    assert "No joystick" in printed.out
+    assert "mine.toml" in printed.err
+    assert "Mend or remove the file" in printed.err

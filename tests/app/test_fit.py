@@ -345,6 +345,51 @@ def test_rollouts_of_one_step_give_a_result(quick, tmp_path):
     assert _fit(labels, tmp_path / "out", "--folds", "2") == 0
 
 
+def test_rollouts_too_short_to_mean_anything_are_warned_of(quick, tmp_path, caplog):
+    labels = _write(tmp_path / "labels.csv", _rows(steps=2))
+    assert _fit(labels, tmp_path / "out", "--folds", "2") == 0
+    said = "16 of 16 held-out rollouts have fewer valid labels than MIND MELD's window of 1 s"
+    assert said in caplog.text
+    assert "2 at 20 Hz). What was removed there says little" in caplog.text
+    page = (tmp_path / "out" / "report" / "index.html").read_text()
+    assert "16 of 16 held-out rollouts have fewer valid labels" in page
+    caplog.clear()
+    rows = [{**row, "label": "" if row["step"] > 1 else row["label"]} for row in _rows()]
+    assert _fit(_write(labels, rows), tmp_path / "masked", "--folds", "2") == 0
+    assert said in caplog.text  # labels count, not steps
+    caplog.clear()
+    assert _fit(_write(labels, _rows()), tmp_path / "long", "--folds", "2") == 0
+    assert not caplog.records
+
+
+def test_names_that_look_like_one_are_refused_before_anything_is_trained(quick, tmp_path, capsys):
+    rows = [
+        {
+            **row,
+            "rollout": "R1" if (row["person"], row["rollout"]) == ("p1", "r1") else row["rollout"],
+        }
+        for row in _rows()
+    ]
+    said = _refused(capsys, _write(tmp_path / "labels.csv", rows), tmp_path / "out", "--folds", "2")
+    assert "labels.csv, line 102: rollouts 'r1' and 'R1' differ only by" in said
+
+
+def test_one_truth_under_two_names_is_said_in_the_report(quick, tmp_path):
+    rows = [
+        {
+            **row,
+            "rollout": "again"
+            if (row["person"], row["rollout"]) == ("p1", "r1")
+            else row["rollout"],
+        }
+        for row in _rows()
+    ]
+    labels = _write(tmp_path / "labels.csv", rows)
+    assert _fit(labels, tmp_path / "out", "--folds", "2") == 0
+    page = (tmp_path / "out" / "report" / "index.html").read_text()
+    assert "one and the same truth are one drive, whatever their names" in page
+
+
 def test_an_unknown_ladder_is_refused():
     with pytest.raises(InvalidConfig, match="choose one of full, quick"):
         FitConfig(ladder="tall")

@@ -1,5 +1,8 @@
+import subprocess
+import sys
 from dataclasses import replace
 
+import pygame
 import pytest
 
 from steerlab.app.loop_check import LoopCheck, loop_checks, measure_loop
@@ -80,3 +83,32 @@ def test_the_whole_loop_runs_and_every_motion_is_found_again(tmp_path):
     assert 0.0 <= found.input_p50_ms <= found.input_p99_ms
     assert found.keep_p50_us > 0.0
     assert (tmp_path / "study.db").exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signal")
+def test_a_request_to_end_is_heard(tmp_path):
+    """SDL takes SIGTERM, and makes an event of it."""
+    code = (
+        "import os, signal, sys, threading\n"
+        "from pathlib import Path\n"
+        "from steerlab.app.loop_check import measure_loop\n"
+        "from steerlab.teleop.sdl import SdlEvents\n"
+        "with SdlEvents(window=False) as events:\n"
+        "    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGTERM)).start()\n"
+        "    try:\n"
+        "        measure_loop(Path(sys.argv[1]), events, None, 600.0)\n"
+        "    except KeyboardInterrupt:\n"
+        "        print('stopped')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout == "stopped\n", done.stderr
+
+
+def test_the_close_button_of_the_window_is_heard_too(tmp_path, monkeypatch):
+    with SdlEvents(window=False) as events:
+        monkeypatch.setattr(events, "_window", True)
+        pygame.event.post(pygame.event.Event(pygame.QUIT))
+        with pytest.raises(KeyboardInterrupt):
+            measure_loop(tmp_path, events, None, seconds=60.0)

@@ -160,21 +160,21 @@ def _changed(**changes: object) -> dict[str, list]:
         ({k: v for k, v in _table().items() if k != "truth"}, "lacks the column truth; it has"),
         ({"a": [1]}, "lacks the columns person, rollout, step, label, truth"),
         ({name: pa.array([], pa.string()) for name in _table()}, "no rows"),
-        (_changed(label="left"), "label holds string such as 'left'"),
-        (_changed(step=0.5), "step 0.5; it must be a whole number"),
+        (_changed(label="left"), "row 1: label is 'left'; it must be a number"),
+        (_changed(step=0.5), "row 1: step is 0.5; it must be a whole number"),
         (_changed(step=0), "has step 0 twice"),
         (_changed(step=[*range(0, 30000, 1000)]), "step must count control steps"),
-        (_changed(person=None), "person has 30 empty rows"),
-        (_changed(rollout=" "), "rollout has an empty name"),
+        (_changed(person=None), "row 1: person is empty; every row needs a name"),
+        (_changed(rollout=" "), "row 1: rollout is ' '; every row needs a name"),
         (_changed(label=None), "nothing to learn from"),
         (_changed(truth=float("nan")), "nothing to learn from"),
         (_changed(truth=float("inf")), "truth is infinite"),
         (_changed(label=3.5), "outside ±2.5"),
-        (_changed(split="test"), "split has 'test'; it may hold train, heldout"),
+        (_changed(split="test"), "row 1: split is 'test'; it may be train, heldout"),
         (_changed(split=["train", "heldout"] * 15), "is in two splits"),
         (_changed(t_s=1.0), "not evenly spaced"),
         (_changed(t_s=[0.0, 0.1, 0.2, 0.9, 1.0] * 6), "not evenly spaced"),
-        (_changed(t_s=None), "no finite t_s"),
+        (_changed(t_s=None), "row 1: t_s is empty; it must be finite"),
         (_changed(label_valid="yes"), "true or false"),
     ],
 )
@@ -189,8 +189,12 @@ def test_what_cannot_be_read_is_said(columns, said, tmp_path):
     [
         ("labels.xlsx", b"x", "neither .csv nor .parquet"),
         ("labels.csv", b"", "cannot be read"),
-        ("labels.csv", b"person,rollout\np,r,1\n", "cannot be read"),
-        ("labels.csv", b"person;rollout;step;label;truth\np;r;0;1;1\n", "lacks the columns"),
+        (
+            "labels.csv",
+            b"person,rollout\np,r,1\n",
+            "line 2 has 3 cells, and the first line, which names the columns, 2: 'p,r,1'",
+        ),
+        ("labels.csv", b"person;rollout;step;label;truth\np;r;0;1;1\n", "by semicolons"),
         ("labels.csv", b"person,person\np,r\n", "twice"),
         ("labels.parquet", b"PAR1 not", "cannot be read"),
     ],
@@ -203,6 +207,231 @@ def test_what_is_no_table_is_said(name, content, said, tmp_path):
         read_label_columns(tmp_path / "absent.csv")
     with pytest.raises(InvalidLabels, match="is a folder"):
         read_label_columns(tmp_path)
+
+
+HEADING = "person,rollout,step,label,truth"
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "said"),
+    [
+        ("label", ".", "label is '.'; it must be a number"),
+        ("label", "#DIV/0!", "label is '#DIV/0!'"),
+        ("truth", '"1,234.5"', "truth is '1,234.5'; it must be a number with a decimal point"),
+        ("label", '"0,5"', "label is '0,5'"),
+        ("label", "true", "label is 'true'"),
+        ("label", "2024-05-01", "label is '2024-05-01'"),
+        ("label", "inf", "label is infinite"),
+        ("label", "-3.5", "label -3.5 is outside"),
+        ("step", "", "step is empty; it must be a whole number"),
+        ("step", "9007199254740993", "step is 9007199254740993; it must be within ±2^53"),
+        ("step", "1e300", "step is 1e+300"),
+        ("step", "1.5", "step is 1.5"),
+        ("person", "", "person is empty; every row needs a name"),
+        ("person", "\u200b", "every row needs a name"),
+        ("label_valid", "", "label_valid is empty; it must be true or false"),
+        ("label_valid", "yes", "label_valid is 'yes'; it must be true or false"),
+        ("split", "Train", "split is 'Train'; it may be train"),
+        ("t_s", "", "t_s is empty; it must be finite"),
+        ("t_s", "9.0", "goes from 0.3 at step 3 to 9 at step 4, and mostly by 0.1 a step"),
+    ],
+)
+@pytest.mark.parametrize("attempts", [False, True])
+def test_the_line_and_the_value_that_does_not_fit_are_named(
+    attempts, column, value, said, tmp_path
+):
+    """Step 4 is on line 8: a blank line and a line break in quotes come before it."""
+    rows = [
+        {
+            "person": "p",
+            "rollout": "r1",
+            "attempt": "1",
+            "step": str(step),
+            "t_s": f"0.{step}",
+            "label": "0.25",
+            "truth": "0.5",
+            "split": "train",
+            "label_valid": "true",
+        }
+        for step in range(8)
+    ]
+    rows[1]["note"] = '"two\nlines"'
+    rows[4][column] = value
+    if attempts:  # rows are dropped before
+        rows[0]["attempt"] = "0"
+    else:
+        for row in rows:
+            del row["attempt"]
+    names = [*rows[0], "note"]
+    lines = [",".join(row.get(name, "x") for name in names) for row in rows]
+    text = "\n".join([",".join(names), "", *lines]) + "\n"
+    with pytest.raises(InvalidLabels) as refused:
+        _read_csv(tmp_path, text)
+    assert "labels.csv, line 8" in str(refused.value)
+    assert said in str(refused.value)
+
+
+def test_an_infinite_value_is_named_and_no_other(tmp_path):
+    columns = _changed(label=[3.0, float("-inf"), *[0.1] * 28])
+    with pytest.raises(InvalidLabels, match=r"row 2 .*label is infinite"):
+        _read(tmp_path, columns)
+
+
+def test_the_second_of_two_equal_steps_is_named(tmp_path):
+    columns = _table(1, 1, 5)
+    columns["step"] = [0, 1, 2, 3, 1]
+    with pytest.raises(InvalidLabels, match="row 5: 'p0' on 'r0' has step 1 twice"):
+        _read(tmp_path, columns)
+
+
+ALIKE = [
+    ("drive1", "drive1 "),
+    ("drive1", " drive1"),
+    ("drive1", "Drive1"),
+    ("drive 1", "drive\u00a01"),
+    ("drive 1", "drive1"),
+    ("drive1", "dri\u200bve1"),
+    ("drive1", "drive\uff11"),
+    ("dr\u00edve", "dri\u0301ve"),
+    ("Stra\u00dfe", "STRASSE"),
+]
+
+
+@pytest.mark.parametrize("column", ["person", "rollout"])
+@pytest.mark.parametrize(("one", "other"), ALIKE)
+def test_names_that_look_like_one_are_refused(one, other, column, tmp_path):
+    columns = _table(2, 2, 5)
+    columns[column] = [one] * 10 + [other] * 10
+    columns["step"] = list(range(20))
+    for read in (lambda: _read(tmp_path, columns), lambda: _as_csv(tmp_path, columns)):
+        with pytest.raises(InvalidLabels, match=f"{column}s .* differ only by blanks") as refused:
+            read()
+        shown = str(refused.value).split(f"{column}s ")[1].split(" differ")[0].split(" and ")
+        assert len(set(shown)) == 2  # and one can see the difference
+        assert "row 11" in str(refused.value) or "line 12" in str(refused.value)
+
+
+def _as_csv(path: Path, columns: dict[str, list]) -> LabelTable:
+    pyarrow.csv.write_csv(pa.table(columns), path / "labels.csv")
+    return label_table(read_label_columns(path / "labels.csv"), LabelScale())
+
+
+@pytest.mark.parametrize("name", ["label_valid ", "Split", "\u00a0attempt", "Step"])
+def test_a_column_that_only_looks_known_is_refused(name, tmp_path):
+    """It would be taken for another one, and its labels for valid."""
+    columns = _table()
+    columns[name] = [1] * 30
+    with pytest.raises(InvalidLabels, match=r"columns .* differ only by blanks.*; call it"):
+        _read(tmp_path, columns)
+
+
+@pytest.mark.parametrize("ending", ["CSV", "Csv", "PARQUET"])
+def test_endings_may_be_in_capitals(ending, tmp_path):
+    path = tmp_path / f"LABELS.{ending}"
+    if ending == "PARQUET":
+        pq.write_table(pa.table(_table()), path)
+    else:
+        pyarrow.csv.write_csv(pa.table(_table()), path)
+    assert len(label_table(read_label_columns(path), LabelScale()).given) == 6
+
+
+@pytest.mark.parametrize("megabytes", [0.9, 1.2, 2.5])
+def test_line_breaks_in_quotes_are_read_in_files_of_any_size(megabytes, tmp_path):
+    """And a column is what the whole of it is: whole numbers first, others after a megabyte."""
+    rows = int(megabytes * 2**20 / 60)
+    lines = [
+        f'p,r,{step},{0 if step < rows - 5 else 0.5},0,"a note\n of two lines, and some words"\n'
+        for step in range(rows)
+    ]
+    given = _read_csv(tmp_path, "".join([f"{HEADING},note\n", *lines])).given
+    assert given[0].series.steps == rows
+    assert given[0].series.label[-1] == 0.5
+
+
+def test_binary_names_and_dictionaries_are_what_they_hold(tmp_path):
+    columns = _table()
+    table = pa.table(columns)
+    binary = pa.array([name.encode() for name in columns["person"]], pa.binary())
+    packed = table.set_column(0, "person", binary)
+    packed = packed.set_column(3, "label", table["label"].dictionary_encode())
+    packed = packed.set_column(1, "rollout", table["rollout"].dictionary_encode())
+    for one, other in zip(_read(tmp_path, table).given, _read(tmp_path, packed).given, strict=True):
+        assert (one.series.person, one.series.rollout) == (other.series.person, one.series.rollout)
+        np.testing.assert_array_equal(one.series.label, other.series.label)
+    broken = packed.set_column(0, "person", pa.array([b"p"] * 29 + [b"\xff"], pa.binary()))
+    with pytest.raises(InvalidLabels, match=r"row 30: person is b'\\xff'; it must be UTF-8"):
+        _read(tmp_path, broken)
+
+
+def test_what_is_stored_as_something_else_is_said(tmp_path):
+    def refused(name: str, values: pa.Array) -> str:
+        table = pa.table(_table())
+        index = table.column_names.index(name)
+        with pytest.raises(InvalidLabels) as error:
+            _read(tmp_path, table.set_column(index, name, values))
+        return str(error.value)
+
+    numbers = pa.array(range(2**53 + 1, 2**53 + 31), pa.int64())
+    assert "row 1: label is 9007199254740993; it must be within ±2^53" in refused("label", numbers)
+    times = numbers.cast(pa.timestamp("ns"))
+    assert "row 1: truth is '1970-04-15 05:59:59.254740993'" in refused("truth", times)
+    texts = pa.array(["0.5"] * 30)
+    assert "column label holds string such as '0.5'; store it as numbers" in refused("label", texts)
+    lists = pa.array([[0.5]] * 30)
+    assert "column label is list<" in refused("label", lists)
+    nowhere = pa.array([1.0] * 29 + [float("nan")])
+    assert "row 30: person is empty" in refused("person", nowhere)
+
+
+def test_context_that_cannot_be_kept_exactly_is_left_out(tmp_path):
+    columns = _table() | {"stamp_ns": [1_700_000_000_000_000_001 + i for i in range(30)]}
+    table = _read(tmp_path, columns)
+    assert table.given[0].series.context_names == ()
+    (notice,) = table.notices
+    assert "Column stamp_ns was left out" in notice
+    assert "2^53" in notice
+
+
+ROW = "p,r,0,0.5,1\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (f"{HEADING},Gr\u00f6\u00dfe\n".encode("cp1252"), "line 1 is not UTF-8: byte 0xf6 after"),
+        (f"{HEADING}\n{ROW}J\u00f6rg,r,1,0,1\n".encode("cp1252"), "line 3 is not UTF-8: byte 0xf6"),
+        (f"{HEADING}\n{ROW}".encode("utf-16"), "is UTF-16 text"),
+        (f"{HEADING}\n{ROW}".encode("utf-16-be"), "zero bytes, so it is damaged, or UTF-16"),
+        (f"{HEADING}\n{ROW}".replace(",", ";").encode(), "separates its columns by semicolons"),
+        (f"{HEADING}\n{ROW}".replace(",", "\t").encode(), "separates its columns by tabs"),
+        (f"sep=;\n{HEADING}\n{ROW}".encode(), "begins with 'sep=;', which only Excel reads"),
+        (f"\ufeffsep=,\n{HEADING}\n".encode(), "begins with 'sep=,'"),
+        (f"# made by us\n{HEADING}\n".encode(), "Comment lines are not read: delete them"),
+        (
+            f"{HEADING}\n{ROW}# a break\n{ROW}".encode(),
+            "line 3 has 1 cells, and the first line, which names the columns, 5: '# a break'",
+        ),
+        (
+            f"{HEADING}\n{ROW}p,r,1,0,5,1\n".encode(),
+            "line 3 has 6 cells, and the first line, which names the columns, 5: 'p,r,1,0,5,1'",
+        ),
+        (b"PK\x03\x04 a workbook", "is a zip archive, as Excel's workbooks are"),
+        (b"PAR1 a table", "is a Parquet file under another ending"),
+    ],
+)
+def test_what_another_program_wrote_is_told_with_its_cause(content, said, tmp_path):
+    (tmp_path / "labels.csv").write_bytes(content)
+    with pytest.raises(InvalidLabels) as refused:
+        read_label_columns(tmp_path / "labels.csv")
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_byte_order_mark_and_other_line_ends_are_read(tmp_path):
+    path = tmp_path / "labels.csv"
+    for end in ("\n", "\r\n", "\r"):
+        path.write_bytes("\ufeff".encode() + f"{HEADING}\n{ROW}".replace("\n", end).encode())
+        assert len(label_table(read_label_columns(path), LabelScale()).given) == 1
 
 
 def test_rate_and_limit_are_checked(tmp_path):

@@ -209,6 +209,74 @@ def test_people_without_truth_are_left_out():
     assert "p00" not in {one.person for one in plan.fit}
 
 
+def _renamed(
+    given: list[GivenSeries], person: str, rollout: str, name: str, steps: int = 20
+) -> list[GivenSeries]:
+    """With one person's series of ``rollout`` under another name, perhaps cut short."""
+    (one,) = [g for g in given if _pair(g.series) == (person, rollout)]
+    series = replace(
+        one.series,
+        rollout=name,
+        label=one.series.label[:steps],
+        truth=one.series.truth[:steps],
+        valid=one.series.valid[:steps],
+        context=one.series.context[:steps],
+    )
+    return [g for g in given if g is not one] + [
+        replace(one, series=series, steps=one.steps[:steps])
+    ]
+
+
+def _drives(people: int, rollouts: int) -> list[GivenSeries]:
+    """Everyone on the same drives: a rollout's truth is the same for all of them."""
+    given = _shared(people, rollouts).given
+    truth = {g.series.rollout: g.series.truth for g in given}
+    return [replace(g, series=replace(g.series, truth=truth[g.series.rollout])) for g in given]
+
+
+@pytest.mark.parametrize("steps", [20, 12])
+def test_one_truth_under_two_names_is_held_out_once(steps):
+    """Or every held-out label's truth is trained on under the other name."""
+    given = _drives(6, 4)
+    for person, rollout in (("p01", "r01"), ("p02", "r02"), ("p03", "r01")):
+        given = _renamed(given, person, rollout, f"{person}'s {rollout}", steps)
+    plan = plan_folds(_table(given), 3, 0)
+    for fold in plan.folds:
+        learned = (*fold.train_seen, *fold.calibrate_new)
+        scored = (*fold.held_out_seen, *fold.held_out_new)
+        starts = [{one.truth[:12].tobytes() for one in part} for part in (learned, scored)]
+        assert not starts[0] & starts[1]
+    (notice,) = plan.notices
+    assert "one and the same truth are one drive, whatever their names: 'r01', " in notice
+    assert "held out together" in notice
+    with pytest.raises(InvalidLabels, match=r"4 rollouts .*one truth is one rollout"):
+        plan_folds(_table(given), 5, 0)
+
+
+def test_truths_that_only_begin_alike_are_two_drives():
+    given = list(_shared(4, 4).given)
+    for index, one in enumerate(given):
+        truth = np.r_[np.full(9, 0.5), one.series.truth[9:]]
+        given[index] = replace(one, series=replace(one.series, truth=truth))
+    assert plan_folds(_table(given), 4, 0).notices == ()
+    flat = [replace(g, series=replace(g.series, truth=np.full(20, 0.5))) for g in given]
+    assert plan_folds(_table(flat), 4, 0).notices == ()
+
+
+def test_one_truth_on_both_sides_of_a_split_column_is_noticed():
+    table = _with_splits()
+    truth = {one.series.rollout: one.series.truth for one in table.given}
+    given = [
+        replace(one, series=replace(one.series, truth=truth["1"]))
+        if _pair(one.series) in (("a", "1"), ("b", "2"))
+        else one
+        for one in table.given
+    ]
+    flattered, same = plan_folds(_table(given), 4, 0).notices
+    assert flattered.startswith("'2': held out for some people, trained on by others")
+    assert "whatever their names: '1', '2'. So the split column says" in same
+
+
 def _with_splits(**splits: str) -> LabelTable:
     pairs = {
         ("a", "1"): "train",

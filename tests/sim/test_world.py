@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from steerlab.sim.engine.driving import DrivingConfig
 from steerlab.sim.errors import InvalidConfig, InvalidWorld
 from steerlab.sim.geometry import Pose2D, bearing_rad, wrap_angle
 from steerlab.sim.vehicle import WHEEL_LIMIT, CarConfig
@@ -110,3 +111,24 @@ def test_a_damaged_world_is_refused(spoil):
     spoil(values)
     with pytest.raises(InvalidWorld, match="Not a world"):
         WorldSpec.from_dict(values)
+
+
+@pytest.mark.parametrize("value", [nan, inf, -inf])
+def test_what_is_not_finite_is_in_no_world_and_no_car(value):
+    for name in ("x_m", "y_m", "half_x_m", "half_y_m", "height_m"):
+        sizes = {"x_m": 5.0, "y_m": 5.0, "half_x_m": 1.0, "half_y_m": 1.0, "height_m": 1.0}
+        with pytest.raises(InvalidWorld, match="not"):
+            Block(**(sizes | {name: value}))
+    good = {"name": "w", "ball_xy_m": (9.0, 0.0), "start": Pose2D(0.0, 0.0, 0.0)}
+    for bad in ({"half_extent_m": value}, {"ball_xy_m": (value, 0.0)}, {"ball_xy_m": (0.0, value)}):
+        with pytest.raises(InvalidWorld, match="finite"):
+            WorldSpec(**(good | bad))
+    for name in vars(CarConfig()):
+        with pytest.raises(InvalidConfig, match=f"{name} is"):
+            CarConfig(**{name: value})
+    for name, usual in vars(WorldConfig()).items():
+        with pytest.raises(InvalidConfig):
+            WorldConfig(**{name: (value, value) if isinstance(usual, tuple) else value})
+    for name in ("control_hz", "time_limit_s", "start_jitter_m", "start_jitter_rad"):
+        with pytest.raises(InvalidConfig, match=f"{name} is"):
+            DrivingConfig(**{name: value})

@@ -55,7 +55,7 @@ def test_a_script_corrects_and_what_is_done_is_not_asked_for_again(tmp_path, cap
     ("arguments", "says"),
     [
         (["--device", "steering"], "No device 'steering'"),
-        (["--rollouts", "13"], "the calibration set has 12"),
+        (["--rollouts", "13"], "rollouts is 13; it must be a whole number from 1 to 12"),
         (["--device", "scripted:human:x"], "scripted:KIND:SEED"),
     ],
 )
@@ -64,6 +64,17 @@ def test_what_cannot_be_is_told(tmp_path, capsys, arguments, says):
     assert main([*given, "--no-pictures", *arguments]) == 2
     assert says in capsys.readouterr().err
     assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize("other", ["P01 ", "p01", "P\u00a001", "P 01", "P\uff101"])
+def test_a_participant_who_only_looks_new_is_refused(tmp_path, capsys, other):
+    study = tmp_path / "study"
+    assert main(["correct", str(study), *SCRIPT, "--rollouts", "1"]) == 0
+    given = ["correct", str(study), *SCRIPT, "--rollouts", "1", "--participant", other]
+    assert main(given) == 2
+    said = capsys.readouterr().err
+    assert "differ only by blanks, case or Unicode form. Give --participant 'P01' if" in said
+    assert {one.participant for one in attempts(study)} == {"P01"}
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from collections import Counter
+from hashlib import sha256
 from itertools import permutations
 
 import pytest
@@ -15,7 +16,9 @@ from steerlab.study.enrolment import order_at
 from steerlab.study.runner import RunConfig
 from steerlab.study.store.connection import connect
 from steerlab.study.store.errors import StoreError
+from steerlab.study.store.frozen import read_protocols
 from steerlab.study.store.schema import STORE_VERSION
+from steerlab.study.store.store import StudyStore
 from steerlab.study.study import Study
 
 
@@ -38,8 +41,6 @@ def test_the_program_chooses_pseudonyms_and_orders(study):
 def test_the_same_protocol_gives_the_same_orders(study, tmp_path, folder):
     (tmp_path / "other").mkdir()
     text = (folder / "study.toml").read_text()
-    from steerlab.study.store.store import StudyStore
-
     (tmp_path / "other" / "study.toml").write_text(text)
     StudyStore.create(tmp_path / "other" / "study.db").close()
     with Study.open(tmp_path / "other") as other:
@@ -55,6 +56,23 @@ def test_a_number_is_never_given_twice(study):
     third = study.enrol(Role.TEST)
     assert third.id == "P003"
     assert len({first.order, second.order, third.order}) == 3
+
+
+def test_a_protocol_with_a_byte_order_mark_is_frozen_as_its_bytes_are(study, folder):
+    path = folder / "study.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    study.enrol(Role.TEST)
+    with StudyStore.open(folder / "study.db", read_only=True) as store:
+        (version,) = read_protocols(store.connection)
+    assert version.sha256 == sha256(path.read_bytes()).hexdigest()
+    assert all(one.ok for one in study.verify().findings if one.what == "Protocol")
+
+
+def test_a_pseudonym_never_looks_like_one_that_is_there(study, folder):
+    for name in ("p004", "P\uff10\uff106"):  # as steerlab correct may have been given
+        with StudyStore.open(folder / "study.db") as store:
+            store.add_participant(name, "training")
+        assert study.enrol(Role.TEST).id == f"P{int(name[-1]) + 1:03d}"
 
 
 ENROLLER = """

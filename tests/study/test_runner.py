@@ -12,7 +12,7 @@ import pytest
 
 from steerlab.app.cli import main
 from steerlab.sim.errors import SteerlabError
-from steerlab.sim.files.folder_lock import LockedOut
+from steerlab.sim.files.folder_lock import RUN_LOCK, LockedOut, locked
 from steerlab.sim.rollout import Outcome
 from steerlab.study import runner, scripted
 from steerlab.study.contract import PhaseKind, PhaseState, Role, Standing, StudyError
@@ -345,3 +345,34 @@ def test_a_run_that_was_killed_goes_on_where_it_was(trained, run_scripted, where
         assert sorted(finished) == ["calibration-05", "calibration-07"]
         cut = [a for a in mine if a.status is not AttemptStatus.FINISHED]
         assert len(cut) == (where.startswith("step"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--role", "test"], "mapper.minimum_people"),
+        (["--phase", "calibration"], "begins with 'consent'"),
+        (["--phase", "nonsense"], "begins with 'consent'"),
+        (["--plant", "mini_ipip_5.extraversion:gain:0.5"], "mini_ipip_5"),
+    ],
+)
+def test_nobody_is_enrolled_for_a_run_that_is_refused(folder, arguments, said, capsys):
+    command = ["study", "run", str(folder), "--teacher", "scripted:human:1", *arguments]
+    assert main(command) == 2
+    assert said in capsys.readouterr().err
+    with locked(folder, RUN_LOCK, "runs"):
+        assert main(command[:5]) == 2
+    with Study.open(folder, read_only=True) as study:
+        assert study.participants() == []
+
+
+def test_a_note_is_text(study):
+    study.note(None, "asked for a break\r\nand\u00a0tea\t\U0001f469\u200d\U0001f52c")
+    for bad in ("a\x1b[2Jb", "a\x00b", "a\u202eb", "a\x7fb", "\udce9"):
+        with pytest.raises(StudyError, match="nobody can read"):
+            study.note(None, bad)
+        with pytest.raises(StudyError):
+            study.amend(bad)
+    assert [text for _, text in study.notes(None)] == [
+        "asked for a break\nand\u00a0tea\t\U0001f469\u200d\U0001f52c"
+    ]

@@ -1,9 +1,12 @@
 """The study folder: its analysis plan is frozen at the first enrolment; a changed one is a new one."""
 
+import os
+import stat
+
 import pytest
 
 from steerlab.study.contract import Role, StudyError
-from steerlab.study.study_folder import plan_sha256
+from steerlab.study.study_folder import new_study, plan_sha256
 
 
 def test_the_plan_is_frozen_before_the_first_participant(study):
@@ -41,3 +44,25 @@ def test_the_file_alone_changes_no_plan(study, folder, change):
     before = study.analysis_plans()
     change(folder, ("alpha = 0.05", "alpha = 0.10"))
     assert study.analysis_plans() == before
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="the modes of POSIX")
+def test_a_study_is_its_owners_alone(tmp_path):
+    new_study(tmp_path / "study", "mind-meld")
+    assert stat.S_IMODE((tmp_path / "study").stat().st_mode) == 0o700
+    for name in ("study.db", "study.toml"):
+        assert stat.S_IMODE((tmp_path / "study" / name).stat().st_mode) == 0o600
+
+
+def test_a_study_that_was_cut_off_while_it_was_made_is_made_by_the_same_command(tmp_path):
+    new_study(tmp_path / "study", "mind-meld")
+    (tmp_path / "study" / "study.db").unlink()
+    new_study(tmp_path / "study", "mind-meld")
+    assert (tmp_path / "study" / "study.db").exists()
+    with pytest.raises(StudyError, match=r"study\.db exists already"):
+        new_study(tmp_path / "study", "mind-meld")
+    (tmp_path / "study" / "study.db").unlink()
+    (tmp_path / "study" / "study.toml").write_text("edited", encoding="utf-8")
+    with pytest.raises(StudyError, match=r"study\.toml exists already"):
+        new_study(tmp_path / "study", "mind-meld")
+    assert (tmp_path / "study" / "study.toml").read_text(encoding="utf-8") == "edited"

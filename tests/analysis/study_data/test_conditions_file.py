@@ -52,16 +52,82 @@ def test_a_csv_and_the_same_parquet(tmp_path):
     [
         (["P1,bc,0"], "participant,condition,round\n", "one or more of success"),
         (["P1,0.5"], "participant,success\n", "lacks condition, round"),
-        (["P1,bc,0,1.5,,,"], HEAD, "row 2: success is 1.5; it must be from 0 to 1"),
-        (["P1,bc,0,1,,,", "P1,bc,0,1,,,"], HEAD, "row 3: 'P1' has 'bc' in round 0 twice"),
+        (["P1,bc,0,1.5,,,"], HEAD, "line 2: success is 1.5; it must be from 0 to 1"),
+        (["P1,bc,0,1,,,", "P1,bc,0,1,,,"], HEAD, "line 3: 'P1' has 'bc' in round 0 twice"),
         (["P1,bc,-1,1,,,"], HEAD, "round is -1"),
         (["P1,,0,1,,,"], HEAD, "condition is empty"),
         (["P1,bc,0,often,,,"], HEAD, "success is 'often'"),
+        (["P1,bc,0,1,,,", "P1,bc,1,.,,,"], HEAD, r"line 3: success is '\.'; it must be a number"),
+        (["P1,bc,0,1,2.5,,", "", 'P1,bc,1,1,"1,2",,'], HEAD, "line 4: final_distance_m is '1,2'"),
+        (
+            ["P1,bc,0,true,,,", "P1,bc,1,x,,,"],
+            HEAD,
+            "line 3: success is 'x'|line 2: success is 'true'",
+        ),
+        (["P1,bc,0,1,,,", "P1,bc,,1,,,"], HEAD, "line 3: round is empty; it must be a whole"),
+        (["P1,bc,0,1,,,", "P1,bc,1,1,,,0.5"], HEAD, "line 3: position is 0.5"),
+        (["P1,bc,0,1,inf,,"], HEAD, "line 2: final_distance_m is inf; .* finite"),
+        (
+            ["P1,bc,0,1,,,", "P1 ,bc,1,1,,,"],
+            HEAD,
+            "line 3: participants 'P1' and 'P1 ' differ only",
+        ),
+        (["P1,bc,0,1,,,", "P1,BC,1,1,,,"], HEAD, "line 3: conditions 'bc' and 'BC' differ only"),
+        (
+            ["P1,bc,0,1,0.5"],
+            "participant,condition,round,success,Label_MAE\n",
+            "call it 'label_mae'",
+        ),
+        (["P1;bc;0;1"], "participant;condition;round;success\n", "by semicolons"),
     ],
 )
 def test_a_wrong_table_is_refused_with_its_row(tmp_path, rows, head, said):
     with pytest.raises(NotAStudy, match=said):
         read_conditions(table(tmp_path, *rows, head=head))
+
+
+def test_ids_are_text_and_rounds_whole_whatever_wrote_them(tmp_path):
+    path = table(tmp_path, "007,true,0.0,1,,,", "008,true,0.0,0,,,1.0")
+    assert [
+        (one.person, one.condition, one.round, one.position) for one in read_conditions(path)
+    ] == [
+        ("007", "true", 0, None),
+        ("008", "true", 0, 1),
+    ]
+
+
+@pytest.mark.parametrize("ending", ["CSV", "PARQUET"])
+def test_endings_in_capitals_and_binary_ids(tmp_path, ending):
+    path = tmp_path / f"OUTCOMES.{ending}"
+    if ending == "CSV":
+        path.write_text("participant,condition,round,success\nP001,bc,0,1\n")
+    else:
+        ids = {"participant": [b"P001"], "condition": [b"bc"], "round": [0], "success": [1]}
+        pq.write_table(pa.table(ids | {"when": pa.array([1], pa.timestamp("ns"))}), path)
+    (one,) = read_conditions(path)
+    assert (one.person, one.condition) == ("P001", "bc")
+
+
+def test_undecodable_headers_and_ids_are_refused_in_words(tmp_path):
+    (tmp_path / "a.csv").write_bytes("participant,condition,round,success,Größe\n".encode("cp1252"))
+    with pytest.raises(NotAStudy, match=r"line 1 is not UTF-8: byte 0xf6 .*Save it as CSV UTF-8"):
+        read_conditions(tmp_path / "a.csv")
+    (tmp_path / "b.csv").write_bytes("participant,condition,round,success\n".encode("utf-16"))
+    with pytest.raises(NotAStudy, match="is UTF-16 text"):
+        read_conditions(tmp_path / "b.csv")
+    ids = {"participant": [b"\xff"], "condition": [b"bc"], "round": [0], "success": [1]}
+    pq.write_table(pa.table(ids), tmp_path / "c.parquet")
+    with pytest.raises(NotAStudy, match=r"row 1: participant is b'\\xff'; it must be UTF-8 text"):
+        read_conditions(tmp_path / "c.parquet")
+
+
+@pytest.mark.parametrize("rows", [15_000, 22_000])
+def test_line_breaks_in_quotes_are_read_in_files_of_any_size(tmp_path, rows):
+    head = "participant,condition,round,success,note\n"
+    lines = [
+        f'P{row},bc,0,1,"a note\n of two lines, with some more words in it"' for row in range(rows)
+    ]
+    assert len(read_conditions(table(tmp_path, *lines, head=head))) == rows
 
 
 def test_what_is_no_table_is_refused(tmp_path):

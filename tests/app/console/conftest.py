@@ -2,7 +2,6 @@
 
 import importlib.util
 import shutil
-import socket
 import sys
 import threading
 import warnings
@@ -16,7 +15,9 @@ import uvicorn
 
 from steerlab.app.console.app import make_app
 from steerlab.app.console.change_feed import ChangeFeed
+from steerlab.app.console.config import ConsoleConfig
 from steerlab.app.console.guard import csrf_token
+from steerlab.app.console.server import _bind, server_config
 from steerlab.app.console.sign_in import LoginThrottle, SignIn
 from steerlab.app.console.study_thread import StudyCheckJob, StudyThread
 from steerlab.app.console.wheel_run import WheelRuns
@@ -78,7 +79,9 @@ class Lab:
     client: TestClient
     runs: WheelRuns
     changes: ChangeFeed
-    links: list[str] = field(default_factory=list)  # one-time sign-in tokens, as announced
+    signing: SignIn
+    check_job: StudyCheckJob
+    links: list[str] = field(default_factory=list)  # one-time sign-in codes, as announced
     clock: list[float] = field(default_factory=lambda: [0.0])
 
     def enrol(self, role=Role.TRAINING, at=None):
@@ -101,13 +104,25 @@ class Lab:
     def sign_in(self):
         answer = self.client.get(f"/enter/{self.links[-1]}")
         assert answer.status_code == 303
-        return self.client.cookies["steerlab_experimenter"]
+        return self.client.cookies[self.signing.cookie]
+
+    def at(self, path):
+        """Where one of the experimenter's pages is: ``/`` is the first."""
+        return self.signing.home + path.removesuffix("/")
+
+    def get(self, path):
+        """One of the experimenter's pages."""
+        return self.client.get(self.at(path))
 
     def act(self, path, **fields):
         """The experimenter's form."""
-        secret = self.client.cookies.get("steerlab_experimenter") or ""
+        secret = self.client.cookies.get(self.signing.cookie) or ""
         fields.setdefault("csrf", csrf_token(secret))
-        return self.client.post(path, data=fields, headers={"origin": ORIGIN})
+        return self.client.post(self.at(path), data=fields, headers={"origin": ORIGIN})
+
+    def type(self, **fields):
+        """The form of the sign-in page."""
+        return self.client.post("/sign-in", data=fields, headers={"origin": ORIGIN})
 
 
 @pytest.fixture
@@ -133,7 +148,16 @@ def lab(tmp_path):
         changes=changes,
     )
     client = TestClient(app, base_url=ORIGIN, follow_redirects=False, raise_server_exceptions=False)
-    made = Lab(study=study, client=client, runs=runs, changes=changes, links=links, clock=clock)
+    made = Lab(
+        study=study,
+        client=client,
+        runs=runs,
+        changes=changes,
+        signing=sign_in,
+        check_job=check_job,
+        links=links,
+        clock=clock,
+    )
     try:
         with client:
             yield made
@@ -149,7 +173,7 @@ def lab(tmp_path):
 def _serving(open_study, folder, command=()):
     """A real server on a free port; gives its address and the announced sign-in links."""
     links: list[str] = []
-    listening = socket.create_server(("127.0.0.1", 0))
+    listening = _bind(ConsoleConfig(port=0))
     address = f"http://127.0.0.1:{listening.getsockname()[1]}"
     study_thread = StudyThread(open_study)
     runs = WheelRuns(folder, command=command)
@@ -160,12 +184,11 @@ def _serving(open_study, folder, command=()):
     app = make_app(
         study_thread, runs, check_job, sign_in, origins=(address,), address=address, changes=changes
     )
-    config = uvicorn.Config(app, log_level="warning", access_log=False, ws="none")
-    server = uvicorn.Server(config)
+    server = uvicorn.Server(server_config(app, ConsoleConfig(), listening))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
     thread.start()
     try:
-        yield address, links
+        yield address, links, sign_in.home
     finally:
         server.should_exit = True
         changes.close()
@@ -181,13 +204,13 @@ def _serving(open_study, folder, command=()):
 def served(tmp_path):
     """A study in memory behind a real server."""
     study = fake_study.FakeStudy()
-    with _serving(lambda: nullcontext(study), tmp_path) as (address, links):
-        yield Served(study=study, address=address, links=links)
+    with _serving(lambda: nullcontext(study), tmp_path) as (address, links, home):
+        yield Served(study=study, address=address, links=links, lab=address + home)
 
 
 @pytest.fixture
 def serving():
-    """``with serving(open_study, folder, command) as (address, links)``: a real server."""
+    """``with serving(open_study, folder, command) as (address, links, home)``: a real server."""
     return _serving
 
 
@@ -198,3 +221,4 @@ class Served:
     study: Any
     address: str
     links: list[str]
+    lab: str  # of the experimenter's pages

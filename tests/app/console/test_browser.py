@@ -76,16 +76,16 @@ def _open(page, served, name):
         served.study.note("P02", "Asked for a break.")
         page.goto(f"{served.address}/enter/{served.links[-1]}")
         if name == "link":
-            page.goto(f"{served.address}/participants/P01")
+            page.goto(f"{served.lab}/participants/P01")
             page.get_by_role("button", name=texts.LINK_MAKE).click()
             page.get_by_label("Link for P01").wait_for()
         elif name.startswith("person"):
             who = {"person": "P02", "person waits": "P01", "person left": "P04"}[name]
-            page.goto(f"{served.address}/participants/{who}")
+            page.goto(f"{served.lab}/participants/{who}")
             for summary in page.locator("summary").all():
                 summary.click()
         elif name == "checks":
-            page.goto(f"{served.address}/checks")
+            page.goto(f"{served.lab}/checks")
             page.get_by_text("1.2 GB free").wait_for()  # by itself
         return
     at = {"demographics": "pre", "likert": "pre", "missing": "pre", "slider": "post"}
@@ -312,7 +312,7 @@ def test_the_experimenters_pages_follow_and_leave_a_half_written_note_alone(page
     page.get_by_text("Start “Practice drive” and ask").wait_for()
     served.study.set_state(who, "practice", PhaseState.STARTED)
     page.get_by_text("Resume “Practice drive”").wait_for()
-    page.goto(f"{served.address}/participants/{who}")
+    page.goto(f"{served.lab}/participants/{who}")
     page.get_by_label(texts.NOTE_LABEL).fill("half a sent")
     served.study.set_state(who, "practice", PhaseState.DONE)
     page.get_by_role("button", name="Start “Twelve drives”").wait_for()
@@ -322,7 +322,7 @@ def test_the_experimenters_pages_follow_and_leave_a_half_written_note_alone(page
 def test_a_withdrawal_elsewhere_takes_its_buttons_off_an_open_page(page, served):
     who, _ = _start(served, "practice")
     page.goto(f"{served.address}/enter/{served.links[-1]}")
-    page.goto(f"{served.address}/participants/{who}")
+    page.goto(f"{served.lab}/participants/{who}")
     page.get_by_role("button", name=texts.LINK_MAKE).wait_for()
     served.study.withdraw(who, erase=False)
     page.get_by_text(texts.NEXT_LEFT).wait_for()
@@ -334,7 +334,7 @@ def test_a_withdrawal_elsewhere_takes_its_buttons_off_an_open_page(page, served)
 def test_an_ended_session_is_said_on_an_open_page(page, served):
     page.goto(f"{served.address}/enter/{served.links[-1]}")
     page.route("**/events", lambda route: route.fulfill(status=401))  # as without a session
-    page.goto(f"{served.address}/checks")
+    page.goto(f"{served.lab}/checks")
     page.get_by_text(texts.ENDED).wait_for()
 
 
@@ -342,7 +342,7 @@ def test_a_made_link_opens_the_participants_page(page, served):
     _open(page, served, "link")
     page.goto(page.get_by_label("Link for P01").input_value())
     assert page.get_by_role("heading", level=1).inner_text() == "Information and consent"
-    page.goto(served.address + "/")  # the same browser still is the experimenter's
+    page.goto(served.lab)  # the same browser still is the experimenter's
     page.get_by_role("heading", name=texts.PEOPLE).wait_for()
 
 

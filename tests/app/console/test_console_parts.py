@@ -6,6 +6,7 @@ import re
 import socket
 import string
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
 from importlib.resources import files
@@ -16,6 +17,7 @@ from steerlab.app.console import texts
 from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.config import ConsoleConfig
 from steerlab.app.console.next_steps import NextAction, next_step, step_of
+from steerlab.app.console.priority import give_way
 from steerlab.app.console.server import _address_option, _bind
 from steerlab.app.console.sign_in import MOST_ADDRESSES, LoginThrottle, SignIn
 from steerlab.app.console.study_thread import StudyThread
@@ -90,6 +92,31 @@ def test_a_password_is_read_from_a_private_file_and_long_enough(protected):
         config.password()
 
 
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o622])
+def test_a_tls_key_that_others_may_use_is_refused(protected, mode):
+    config = ConsoleConfig(host="192.168.1.20", **protected)
+    protected["tls_cert"].chmod(0o644)  # a certificate is no secret
+    config.check_tls_key()
+    protected["tls_key"].chmod(mode)
+    with pytest.raises(InvalidConfig, match=r"Others may read .*key\.pem; run: chmod 600"):
+        config.check_tls_key()
+
+
+def test_a_certificate_with_its_key_in_one_file_is_a_secret_too(protected):
+    protected["tls_cert"].write_text("-----BEGIN PRIVATE KEY-----\n")
+    protected["tls_cert"].chmod(0o644)
+    with pytest.raises(InvalidConfig, match=r"Others may read .*cert\.pem"):
+        ConsoleConfig(host="192.168.1.20", **protected).check_tls_key()
+
+
+@pytest.mark.parametrize("missing", ["tls_key", "tls_cert"])
+def test_a_missing_tls_file_is_named(protected, missing):
+    protected[missing].unlink()
+    config = ConsoleConfig(host="192.168.1.20", **protected)
+    with pytest.raises(InvalidConfig, match=rf"Cannot read .*{protected[missing].name}"):
+        config.check_tls_key()
+
+
 def test_where_a_mode_says_nothing_of_who_may_read_a_warning_says_so(
     protected, caplog, monkeypatch
 ):
@@ -120,6 +147,7 @@ def test_the_usual_port_is_left_out_of_the_origin(protected):
 def test_a_password_lets_in_where_one_is_set():
     sign_in = SignIn(announce=lambda token: None, password=ENOUGH)
     assert sign_in.by_password("wrong") is None
+    assert sign_in.by_code("") is None
     session = sign_in.by_password(ENOUGH)
     assert sign_in.session(session.secret) is session
 
@@ -149,6 +177,37 @@ def test_a_run_outlives_the_console(tmp_path):
     runs.start("P01", PRACTICE)
     runs.close()
     assert runs._process.wait(20) == 1  # of having no input, not of a broken pipe
+
+
+def test_a_run_that_cannot_be_started_says_why(tmp_path):
+    runs = WheelRuns(tmp_path, command=(str(tmp_path / "none"),))
+    with pytest.raises(StudyError, match=r"“Practice drive” cannot be started: .*none"):
+        runs.start("P01", PRACTICE)
+    assert runs.view() is None
+    runs.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the drive would be lowered with it")
+def test_a_run_has_a_better_priority_than_the_console(tmp_path):
+    def console():  # on a thread of its own: lowered priority cannot be raised again
+        usual = os.getpriority(os.PRIO_PROCESS, 0)
+        runs = WheelRuns(tmp_path, command=(sys.executable, "-c", "import time; time.sleep(20)"))
+        give_way()
+        study_thread = StudyThread(lambda: nullcontext(None), give_way)
+        of_study = asyncio.run(study_thread.do(lambda _: os.getpriority(os.PRIO_PROCESS, 0)))
+        study_thread.close()
+        runs.start("P01", PRACTICE)
+        of_run = os.getpriority(os.PRIO_PROCESS, runs.view().pid)
+        runs._process.kill()
+        runs._process.wait(10)
+        runs.close()
+        return usual, of_run, os.getpriority(os.PRIO_PROCESS, 0), of_study
+
+    with ThreadPoolExecutor(1) as thread:
+        usual, of_run, of_console, of_study = thread.submit(console).result()
+    assert of_run == usual
+    assert of_console > of_run
+    assert of_study > of_run
 
 
 def _run(participant, phase, code=None):

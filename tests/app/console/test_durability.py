@@ -4,16 +4,16 @@ import asyncio
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 import httpx
 import pytest
 
 from steerlab.app.console import texts
-from steerlab.app.console.experimenter_pages import COOKIE
 from steerlab.app.console.guard import csrf_token
 from steerlab.study.contract import Role, Standing
 from steerlab.study.study import Study
@@ -28,10 +28,13 @@ PEOPLE = 50
 
 
 @contextmanager
-def _console(folder, *options):
+def _console(folder, *options, stderr=None):
     """``steerlab console``; gives its process and address, and kills it in the end."""
     command = [sys.executable, "-m", "steerlab.app.cli", "console", str(folder), "--port", "0"]
-    process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True)
+    with nullcontext() if stderr is None else stderr.open("w") as said:
+        process = subprocess.Popen(
+            [*command, *options], stdout=subprocess.PIPE, stderr=said, text=True
+        )
     try:
         line = process.stdout.readline()
         found = re.search(r"(https?://\S+)/enter/\S+", line)
@@ -144,6 +147,45 @@ def test_a_second_console_is_refused_with_the_process_of_the_first(folder):
     assert "Traceback" not in second.stderr
 
 
+def test_opening_a_browser_puts_no_secret_on_a_command_line(folder, tmp_path, monkeypatch):
+    """Every user of a computer sees the arguments of every program."""
+    said = tmp_path / "said"
+    browser = tmp_path / "browser.py"
+    browser.write_text(
+        f"import sys, pathlib\npathlib.Path({str(said)!r}).write_text(' '.join(sys.argv[1:]))\n"
+    )
+    monkeypatch.setenv("BROWSER", f"{sys.executable} {browser} %s")
+    with _console(folder, "--open") as (process, address):
+        deadline = time.monotonic() + 20
+        while not (said.exists() and said.read_text()):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        assert said.read_text() == address
+        code = process.sign_in.rpartition("/")[2]
+        with httpx.Client(base_url=address, headers={"origin": address}) as client:
+            assert 'name="code"' in client.get(said.read_text()).text
+            home = client.post("/sign-in", data={"code": code}).headers["location"]
+            assert client.get(home).status_code == 200
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits and /proc are read as Linux has them")
+def test_a_flood_without_file_handles_says_little_and_ends(folder):
+    import resource
+
+    with _console(folder, stderr=folder.parent / "said") as (process, address):
+        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.prlimit(process.pid, resource.RLIMIT_NOFILE, (40, most))
+        port = int(address.rpartition(":")[2])
+        flood = [socket.create_connection(("127.0.0.1", port), timeout=10) for _ in range(300)]
+        assert httpx.get(address, timeout=10).status_code == 401
+        for connection in flood:
+            connection.close()
+        assert httpx.get(address, timeout=10).status_code == 401
+    lines = (folder.parent / "said").read_text().splitlines()
+    assert len(lines) <= 2
+    assert "Traceback" not in "".join(lines)
+
+
 def test_ctrl_c_ends_it_in_a_sentence(folder):
     with _console(folder) as (process, address):
         assert httpx.get(address).status_code == 401
@@ -165,9 +207,10 @@ def test_erasing_while_the_console_serves_leaves_nothing_and_thanks_the_person(f
     ):
         assert next(following.iter_lines()).startswith("data: about-you")
         assert tablet.post(**_answer(token, "i05", "3")).status_code == 204
-        lab.get(process.sign_in)
-        page = f"/participants/{who}"
-        fields = {"outcome": "erase", "typed": who, "csrf": csrf_token(lab.cookies[COOKIE])}
+        home = lab.get(process.sign_in).headers["location"]
+        page = f"{home}/participants/{who}"
+        (session,) = lab.cookies.values()
+        fields = {"outcome": "erase", "typed": who, "csrf": csrf_token(session)}
         assert lab.post(f"{page}/withdraw", data=fields).status_code == 303
         done = texts.RUN_DONE.format(title=texts.ERASING, participant=who)
         deadline = time.monotonic() + 60

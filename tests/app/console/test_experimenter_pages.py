@@ -23,7 +23,7 @@ def signed_in(lab):
 
 
 def _page(lab, path="/"):
-    answer = lab.client.get(path)
+    answer = lab.client.get(path) if path.startswith(lab.at("/")) else lab.get(path)
     assert answer.status_code == 200
     return answer.text
 
@@ -32,7 +32,7 @@ def test_the_list_shows_everyone_and_what_to_do_next(signed_in):
     signed_in.enrol()
     signed_in.enrol(Role.TEST, at="practice")
     page = _page(signed_in)
-    assert re.findall(r'href="/participants/(\w+)"', page) == ["P01", "P02"]
+    assert re.findall(r'href="/lab/[\w-]+/participants/(\w+)"', page) == ["P01", "P02"]
     assert texts.NEXT_LINK in page
     assert texts.NEXT_START.format(title="Practice drive") in page
     assert "Step 4 of 7" in page
@@ -44,7 +44,12 @@ def test_who_has_finished_or_left_comes_after_who_is_under_way(signed_in):
     signed_in.study.leave("P02", Standing.WITHDRAWN_ERASED)
     signed_in.study.leave("P03", Standing.ERASING)  # is to be said again
     page = _page(signed_in)
-    assert re.findall(r'href="/participants/(\w+)"', page) == ["P03", "P04", "P01", "P02"]
+    assert re.findall(r'href="/lab/[\w-]+/participants/(\w+)"', page) == [
+        "P03",
+        "P04",
+        "P01",
+        "P02",
+    ]
     assert page.index(texts.ENROL_TEST) < page.index(texts.OVER_TITLE.format(count=2))
     for who in ("P03", "P04"):
         signed_in.study.leave(who, Standing.WITHDRAWN_KEPT)
@@ -58,7 +63,7 @@ def test_nobody_enrolled_says_what_the_first_enrolment_does(signed_in):
 @pytest.mark.parametrize("role", Role)
 def test_enrolling_leads_to_the_new_participant(signed_in, role):
     answer = signed_in.act("/enrol", role=role.value)
-    assert answer.headers["location"] == "/participants/P01"
+    assert answer.headers["location"] == signed_in.at("/participants/P01")
     assert signed_in.study.participant("P01").role is role
 
 
@@ -95,7 +100,7 @@ def test_a_wheel_phase_runs_in_a_process_and_only_one_at_a_time(signed_in, tmp_p
     signed_in.enrol(at="practice")
     signed_in.enrol(at="calibration")
     answer = signed_in.act("/participants/P01/start", phase="practice")
-    assert answer.headers["location"] == "/participants/P01"
+    assert answer.headers["location"] == signed_in.at("/participants/P01")
     run = signed_in.runs.view()
     assert run.goes_on
     page = _page(signed_in, "/participants/P01")
@@ -258,7 +263,7 @@ def test_checks_are_done_again_when_asked(signed_in):
     _eventually(lambda: "1.2 GB free" in _page(signed_in, "/checks"))
     signed_in.study.found = []
     assert "1.2 GB free" in _page(signed_in, "/checks")
-    assert signed_in.act("/checks").headers["location"] == "/checks"
+    assert signed_in.act("/checks").headers["location"] == signed_in.at("/checks")
     _eventually(lambda: texts.CHECKS_WELL.format(count=0) in _page(signed_in, "/checks"))
 
 
@@ -272,20 +277,20 @@ def test_checks_that_cannot_be_done_say_why(signed_in):
 
 
 def test_an_unknown_participant_is_a_clear_refusal(signed_in):
-    answer = signed_in.client.get("/participants/P77")
+    answer = signed_in.get("/participants/P77")
     assert answer.status_code == 409
     assert "P77" in answer.text
 
 
 @pytest.mark.parametrize("path", ["/nothing", "/participants/P01/link/x", "/p"])
 def test_an_unknown_page_is_a_clear_404(signed_in, path):
-    answer = signed_in.client.get(path)
+    answer = signed_in.get(path)
     assert answer.status_code == 404
     assert texts.NOT_FOUND_TITLE in answer.text
 
 
 def test_signing_out_ends_the_session(signed_in):
-    cookie = signed_in.client.cookies["steerlab_experimenter"]
+    cookie = signed_in.client.cookies[signed_in.signing.cookie]
     assert signed_in.act("/sign-out").status_code == 303
-    signed_in.client.cookies.set("steerlab_experimenter", cookie)
-    assert signed_in.client.get("/").status_code == 401
+    signed_in.client.cookies.set(signed_in.signing.cookie, cookie)
+    assert signed_in.get("/").status_code == 401

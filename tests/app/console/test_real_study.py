@@ -47,7 +47,7 @@ def test_from_enrolment_to_thanks(
     monkeypatch.setenv("DISPLAY", x_display)
     monkeypatch.delenv("SDL_VIDEODRIVER", raising=False)
     person = (sys.executable, str(PERSON), str(tmp_path), json.dumps({}), "--", "study")
-    with serving(lambda: Study.open(folder), folder, person) as (address, links):
+    with serving(lambda: Study.open(folder), folder, person) as (address, links, _):
         lab, tablet = (chromium.new_context().new_page() for _ in range(2))
         for page in (lab, tablet):
             page.set_default_timeout(90_000)

@@ -3,9 +3,18 @@
 import re
 
 import pytest
+from starlette.responses import PlainTextResponse
 
 from steerlab.app.console import texts
-from steerlab.app.console.guard import LARGEST_BODY, csrf_token
+from steerlab.app.console.guard import LARGEST_BODY, Guard, csrf_token
+from steerlab.app.console.sign_in import (
+    CODE_LENGTH,
+    CODE_LETTERS,
+    MOST_ADDRESSES,
+    MOST_WRONG_PASSWORDS,
+    LoginThrottle,
+    SignIn,
+)
 from steerlab.study.contract import PhaseState, Standing
 
 ORIGIN = "http://127.0.0.1:8765"
@@ -109,10 +118,10 @@ def test_every_form_of_the_experimenters_needs_its_token(lab, path):
 
 def test_signing_out_needs_the_token_too(lab):
     lab.sign_in()
-    cookie = lab.client.cookies["steerlab_experimenter"]
+    cookie = lab.client.cookies[lab.signing.cookie]
     lab.act("/sign-out", csrf="no")
-    lab.client.cookies.set("steerlab_experimenter", cookie)
-    assert lab.client.get("/").status_code == 200
+    lab.client.cookies.set(lab.signing.cookie, cookie)
+    assert lab.get("/").status_code == 200
 
 
 # Signing in
@@ -121,7 +130,7 @@ def test_signing_out_needs_the_token_too(lab):
 @pytest.mark.parametrize("path", LAB_PATHS)
 def test_no_page_of_the_experimenters_opens_without_signing_in(lab, path):
     lab.enrol()
-    answer = lab.client.get(path)
+    answer = lab.get(path)
     assert answer.status_code == 401
     assert "P01" not in answer.text
 
@@ -143,12 +152,78 @@ def test_a_sign_in_link_works_once_and_the_next_is_announced(lab):
     assert lab.links[-1] != first
     lab.client.cookies.clear()
     assert lab.client.get(f"/enter/{first}").status_code == 401
-    assert lab.client.get("/").status_code == 401
+    assert lab.get("/").status_code == 401
+
+
+@pytest.mark.parametrize("change", [str, str.upper, lambda code: code.replace("-", " ") + " "])
+def test_the_code_of_the_link_can_be_typed(lab, change):
+    code = lab.links[-1]
+    answer = lab.type(code=change(code))
+    assert (answer.status_code, answer.headers["location"]) == (303, lab.at("/"))
+    assert lab.get("/").status_code == 200
+    lab.client.cookies.clear()
+    assert lab.type(code=code).status_code == 401
+
+
+def test_a_code_is_beyond_guessing():
+    assert len(CODE_LETTERS) ** CODE_LENGTH > 2**79
+    codes = {SignIn(announce=print)._code for _ in range(100)}
+    assert len(codes) == 100
+
+
+def test_asking_with_head_uses_nothing_up(lab):
+    who, _ = lab.enrol()
+    assert lab.client.head(f"/enter/{lab.links[-1]}").status_code == 405
+    lab.sign_in()  # the link still works
+    shown_at = lab.act(f"/participants/{who}/link").headers["location"]
+    assert lab.client.head(shown_at).status_code == 405
+    assert "/p/" in lab.client.get(shown_at).text
+    assert lab.client.head(lab.at("/checks")).status_code == 405
+    assert lab.check_job.view().at == ""
+    assert not lab.check_job.view().busy
+
+
+def test_another_port_of_this_host_is_not_sent_the_cookie(lab):
+    """A browser sends cookies to every port, but only where their path is."""
+    lab.sign_in()
+    (cookie,) = lab.client.cookies.jar
+    for path in ("/", "/lab", "/lab/", "/participants/P01", lab.at("/") + "x"):
+        asked = lab.client.build_request("GET", f"http://127.0.0.1:9999{path}")
+        assert cookie.value not in asked.headers.get("cookie", ""), path
+    asked = lab.client.build_request("GET", f"http://127.0.0.1:8765{lab.at('/checks')}")
+    assert cookie.value in asked.headers["cookie"]
+
+
+def test_neither_the_path_nor_the_cookie_is_enough(lab):
+    lab.enrol()
+    cookie = lab.sign_in()
+    lab.client.cookies.clear()
+    assert lab.get("/").status_code == 401
+    lab.client.cookies.set(lab.signing.cookie, cookie)
+    for path in ("/", "/participants/P01", "/lab/guess", "/lab/guess/participants/P01"):
+        answer = lab.client.get(path)
+        assert answer.status_code in (401, 404)
+        assert "P01" not in answer.text
+    lab.client.cookies.clear()
+    lab.client.cookies.set("steerlab_experimenter", cookie)  # the name is a secret too
+    assert lab.get("/").status_code == 401
+
+
+def test_every_start_has_its_own_path_and_cookie():
+    one, other = (SignIn(announce=print) for _ in range(2))
+    assert one.home != other.home
+    assert one.cookie != other.cookie
+
+
+def test_a_page_from_before_a_restart_leads_to_the_sign_in(lab):
+    answer = lab.client.get("/lab/older/participants/P01")
+    assert answer.status_code == 401
+    assert 'name="code"' in answer.text
 
 
 def test_the_sessions_cookie_is_kept_from_scripts_and_other_sites(lab):
     cookie = lab.client.get(f"/enter/{lab.links[-1]}").headers["set-cookie"]
-    assert {"httponly", "samesite=strict", "path=/"} <= {
+    assert {"httponly", "samesite=strict", f"path={lab.signing.home}".lower()} <= {
         part.strip().lower() for part in cookie.split(";")
     }
 
@@ -156,14 +231,14 @@ def test_the_sessions_cookie_is_kept_from_scripts_and_other_sites(lab):
 def test_a_session_ends_after_a_day(lab):
     lab.sign_in()
     lab.clock[0] = 12 * 3600 - 1.0
-    assert lab.client.get("/").status_code == 200
+    assert lab.get("/").status_code == 200
     lab.clock[0] = 12 * 3600 + 1.0
-    assert lab.client.get("/").status_code == 401
+    assert lab.get("/").status_code == 401
 
 
 def test_without_a_password_file_no_password_lets_in(lab):
     for password in ("", "password"):
-        assert lab.act("/sign-in", password=password).status_code == 401
+        assert lab.type(password=password).status_code == 401
     assert "password" not in lab.client.get("/").text
 
 
@@ -194,9 +269,52 @@ def test_guessing_does_not_lock_out_who_is_in(lab):
 def test_guessing_sign_in_links_and_passwords_is_slowed_down(lab):
     for _ in range(10):
         assert lab.client.get("/enter/guess").status_code == 401
-        assert lab.act("/sign-in", password="guess").status_code == 401
-    assert lab.client.get(f"/enter/{lab.links[-1]}").status_code == 429
-    assert lab.act("/sign-in", password="guess").status_code == 429
+        assert lab.type(password="guess").status_code == 401
+    assert lab.client.get("/enter/guess").status_code == 429
+    assert lab.type(password="guess").status_code == 429
+
+
+def test_the_experimenter_gets_in_whoever_guesses_and_however_often(lab):
+    for _ in range(30):
+        lab.client.get("/enter/guess")
+        lab.client.get("/p/guess")
+        lab.type(password="guess")
+        lab.type(code="guess")
+    assert lab.type(code="guess").status_code == 429
+    assert lab.client.get(f"/enter/{lab.links[-1]}").status_code == 303
+    lab.client.cookies.clear()
+    assert lab.type(code=lab.links[-1]).status_code == 303
+
+
+def test_wrong_links_of_participants_do_not_slow_the_experimenters_sign_in(lab):
+    for _ in range(25):
+        lab.client.get("/p/guess")
+    assert lab.type(password="guess").status_code == 401
+
+
+def test_passwords_are_not_guessed_faster_from_many_places():
+    now = [0.0]
+    throttle = LoginThrottle(clock=lambda: now[0])
+    tried = 0
+    for number in range(10 * MOST_ADDRESSES):
+        source = f"sign-in 10.0.{number // 256}.{number % 256}"
+        if not throttle.password_wait_s(source):
+            throttle.wrong_password(source)
+            tried += 1
+    assert tried == MOST_WRONG_PASSWORDS
+    now[0] = 61.0
+    assert throttle.password_wait_s("sign-in 10.0.0.1") == 0
+
+
+def test_a_link_that_was_just_made_waits_for_nobodys_guesses(lab):
+    lab.sign_in()
+    who, _ = lab.enrol()
+    shown = lab.client.get(lab.act(f"/participants/{who}/link").headers["location"]).text
+    token = re.search(r"/p/([\w-]+)", shown).group(1)
+    for _ in range(25):
+        lab.client.get("/p/guess")
+    assert lab.client.get("/p/guess").status_code == 429
+    assert lab.client.get(f"/p/{token}").status_code == 200
 
 
 def test_a_forwarded_address_does_not_count(lab):
@@ -262,11 +380,23 @@ def test_every_answer_carries_the_headers(lab, method, path):
     assert "access-control-allow-origin" not in headers
 
 
+def test_with_tls_alone_browsers_are_told_to_keep_to_it(lab):
+    async def app(scope, receive, send):
+        await PlainTextResponse("")(scope, receive, send)
+
+    for scheme in ("http", "https"):
+        origin = f"{scheme}://lab-pc.local"
+        guarded = Guard(app, origins=(origin,))
+        headers = type(lab.client)(guarded, base_url=origin).get("/").headers
+        assert ("strict-transport-security" in headers) == (scheme == "https")
+
+
 def test_no_page_asks_for_anything_outside_or_inline(lab):
     _, token = lab.enrol(at="pre")
     lab.enrol(at="practice")
     lab.sign_in()
-    paths = ["/", "/participants/P01", "/checks", f"/p/{token}/pre/1", f"/p/{token}/pre/2"]
+    paths = [lab.at(path) for path in ("/", "/participants/P01", "/checks")]
+    paths += ["/", f"/p/{token}/pre/1", f"/p/{token}/pre/2"]
     for path in paths:
         page = lab.client.get(path).text
         assert re.findall(r'(?:src|href|action)="(?!/|#)[^"]*', page) == []
@@ -306,6 +436,12 @@ def test_a_long_body_is_refused_unread(lab):
     answer = lab.post(token, "/consent", decision="yes", version="1", more="a" * LARGEST_BODY)
     assert answer.status_code == 413
     assert lab.study.state(who, "consent") is PhaseState.WAITING
+
+
+@pytest.mark.parametrize("length", ["9" * 5000, "-1", "1e3", "²"])
+def test_a_length_that_is_no_number_is_refused(lab, length):
+    sent = {"origin": ORIGIN, **FORM, "content-length": length.encode("latin-1")}
+    assert lab.client.post("/sign-in", headers=sent).status_code == 413
 
 
 def test_a_long_body_without_a_length_is_refused_too(lab):

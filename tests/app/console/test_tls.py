@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 import httpx
 import pytest
 
+from steerlab.app.console.connections import HEADERS_S
 from steerlab.study.study_folder import new_study
 
 pytestmark = [
@@ -92,7 +93,8 @@ def test_a_tablet_signs_in_over_tls_with_the_password_alone(protected, tmp_path)
             answer = client.post("/sign-in", data={"password": PASSWORD})
             assert answer.status_code == 303
             assert "secure" in answer.headers["set-cookie"].lower()
-            assert client.get("/").status_code == 200
+            assert client.get(answer.headers["location"]).status_code == 200
+            assert client.get("/").headers["strict-transport-security"] == "max-age=2592000"
             assert client.get("/", headers={"host": "127.0.0.1"}).status_code == 421
         with pytest.raises(httpx.HTTPError):  # in the clear nothing is said
             httpx.get(address.replace("https:", "http:"))
@@ -108,6 +110,23 @@ def test_without_any_of_it_no_other_machine_is_served(protected, tmp_path, lacki
         said = process.stderr.read()
         assert lacking in said
         assert "Traceback" not in said
+
+
+def test_a_key_that_others_may_read_is_told_in_a_sentence(protected, tmp_path):
+    protected["--tls-key"].chmod(0o644)
+    with _console(tmp_path, protected) as process:
+        assert process.wait(30) == 2
+        said = " ".join(process.stderr.read().split())
+        assert "Others may read" in said
+        assert "Traceback" not in said
+
+
+def test_a_client_that_never_agrees_on_tls_is_let_go(protected, tmp_path):
+    with _console(tmp_path, protected) as process:
+        host, port = re.search(r"https://(\S+):(\d+)/enter/", process.stdout.readline()).groups()
+        with socket.create_connection((host, int(port)), timeout=3 * HEADERS_S) as silent:
+            silent.sendall(b"\x16\x03\x01")
+            assert silent.recv(100) == b""
 
 
 def test_a_key_that_does_not_fit_is_told_in_a_sentence(protected, tmp_path):

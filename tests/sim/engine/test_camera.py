@@ -2,6 +2,7 @@ import json
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -128,6 +129,95 @@ def test_an_unknown_back_end_is_refused_with_the_known_ones():
     done = _run("import steerlab.sim.engine.driving", MUJOCO_GL="metal")
     assert "MUJOCO_GL is 'metal'" in done.stderr
     assert "egl, osmesa, glfw" in done.stderr
+    assert done.returncode == 0  # everything but the camera works
+
+
+_DRAW = """
+from steerlab.sim.engine.camera import Camera
+from steerlab.sim.engine.driving import Driving
+from steerlab.sim.errors import NoRenderer
+from steerlab.sim.tasks import make_task
+driving = Driving(make_task("easy").world)
+try:
+    camera = Camera(driving.model, driving.data)
+    print(camera.frame().mean() > 50)
+except NoRenderer as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("chosen", ["", "  ", "EGL"])
+def test_an_empty_choice_is_none_and_case_does_not_matter(chosen):
+    done = _run(_DRAW, MUJOCO_GL=chosen)
+    assert done.stdout == "True\n", done.stderr
+
+
+def test_a_back_end_that_cannot_draw_is_said_once_and_by_the_camera(tmp_path):
+    """With the driver's own library missing, MuJoCo's import would end in a traceback."""
+    done = _run(
+        _DRAW + "import subprocess, sys; subprocess.run([sys.executable, '-c', 'import steerlab.sim.engine'])",
+        MUJOCO_GL="osmesa", XDG_CACHE_HOME=str(tmp_path), LD_LIBRARY_PATH="/none",
+    )  # fmt: skip
+    if done.stdout == "True\n":
+        pytest.skip("osmesa draws here")
+    assert "MUJOCO_GL is 'osmesa', which cannot draw on this machine; unset it" in done.stdout
+    assert done.stderr.count("MUJOCO_GL is 'osmesa'") == 1
+    assert "Traceback" not in done.stderr
+
+
+def test_a_camera_belongs_to_the_thread_that_made_it(open_world):
+    with Driving(open_world) as driving, Camera(driving.model, driving.data) as camera:
+        for use in (camera.frame, camera.close):
+            with (
+                ThreadPoolExecutor() as other,
+                pytest.raises(NoRenderer, match="only in the thread"),
+            ):
+                other.submit(use).result()
+        assert camera.frame().any()
+
+
+_FORK = (
+    _DRAW
+    + """
+import os, sys
+if sys.argv[1] == "closed":
+    camera.close()
+sys.stdout.flush()
+child = os.fork()
+if child == 0:
+    for use in (camera.frame, lambda: Camera(driving.model, driving.data)):
+        try:
+            use()
+        except NoRenderer as error:
+            print("forked" in str(error) or "closed" in str(error))
+    camera.close()
+    sys.exit(0)
+os.waitpid(child, 0)
+if sys.argv[1] == "open":
+    print(camera.frame().mean() > 50)
+"""
+)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing is forked here")
+@pytest.mark.parametrize("before", ["open", "closed"])
+def test_a_forked_process_refuses_to_draw_and_ends(before):
+    """It would wait for the driver's threads, which it has not, for ever: at exit too."""
+    done = subprocess.run(
+        [sys.executable, "-c", _FORK, before], capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout.split() == ["True"] * (4 if before == "open" else 3), done.stderr
+
+
+def test_without_a_home_the_choice_is_not_remembered(monkeypatch):
+    def nowhere():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", nowhere)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.delenv("MUJOCO_GL")
+    monkeypatch.setattr(gl, "works", lambda backend: backend == "egl")
+    assert gl.choose_gl() == "egl"
 
 
 def test_the_choice_is_cached_and_a_users_choice_kept(tmp_path, monkeypatch):

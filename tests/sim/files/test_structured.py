@@ -192,6 +192,18 @@ def test_what_is_no_json_is_refused(text, why):
         json_values(text, "x.json")
 
 
+def test_a_byte_order_mark_means_nothing_and_stays_in_the_text(tmp_path):
+    path = tmp_path / "x.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + TEXT.encode())
+    text = utf8_text(path)
+    assert text.encode() == path.read_bytes()  # hashes are of the file's bytes
+    assert toml_values(text, "x.toml") == toml_values(TEXT, "x.toml")
+    assert json_values('\ufeff{"a": 1}', "x.json") == {"a": 1}
+    with pytest.raises(InvalidValue) as refused, within_file("x.toml", '\ufefffirst = "x"'):
+        raise InvalidValue("first", "x", "a whole number")
+    assert refused.value.line == 1
+
+
 def test_a_text_keeps_its_line_ends_and_must_be_utf8(tmp_path):
     path = tmp_path / "x"
     path.write_bytes("ä\r\n".encode())

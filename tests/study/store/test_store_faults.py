@@ -1,10 +1,13 @@
 """The study store when things go wrong: kill -9, full disks, locks, foreign and damaged files."""
 
 import os
+import shutil
 import signal
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -210,3 +213,71 @@ def test_an_exception_inside_the_block_still_closes(tmp_path: Path):
         store.participants()
     with pytest.raises(StoreError, match="closed"):
         store.record("consent", "version 3")
+
+
+@contextmanager
+def _nothing_can_be_written(folder: Path) -> Iterator[None]:
+    """As on a read-only medium; root, whom modes do not stop, becomes nobody meanwhile."""
+    root = os.geteuid() == 0
+    modes = {one: one.stat().st_mode & 0o7777 for one in folder.parents if root}
+    parents = {one: mode for one, mode in modes.items() if mode & 0o011 != 0o011}
+    for path in folder.iterdir():
+        path.chmod(0o444)
+    folder.chmod(0o555)
+    try:
+        if root:
+            for one, mode in parents.items():  # pytest's folders let nobody else through
+                one.chmod(mode | 0o011)
+            os.seteuid(65534)
+        yield
+    finally:
+        if root:
+            os.seteuid(0)
+            for one, mode in parents.items():
+                one.chmod(mode)
+        for path in folder.iterdir():
+            path.chmod(0o644)
+        folder.chmod(0o755)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="modes say nothing here")
+def test_a_store_on_a_read_only_medium_can_be_read(tmp_path: Path):
+    folder = tmp_path / "disc"
+    folder.mkdir()
+    path = folder / "study.db"
+    with StudyStore.create(path) as store:
+        store.add_participant("P01", "seen")
+    with _nothing_can_be_written(folder):
+        with StudyStore.open(path, read_only=True) as reader:
+            assert reader.participants() == {"P01": "seen"}
+        with pytest.raises(StoreError, match="writable"):
+            StudyStore.open(path)
+    assert [one.name for one in folder.iterdir()] == ["study.db"]
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="modes say nothing here")
+def test_what_is_still_in_the_log_is_not_passed_over(tmp_path: Path):
+    live, copy = tmp_path / "live", tmp_path / "copy"
+    live.mkdir()
+    copy.mkdir()
+    StudyStore.create(live / "study.db").close()
+    with StudyStore.open(live / "study.db") as store:
+        store.add_participant("P01", "seen")
+        for name in ("study.db", "study.db-wal"):
+            shutil.copy(live / name, copy / name)
+    with (
+        _nothing_can_be_written(copy),
+        pytest.raises(StoreError, match=r"kept last is in study.db-wal.*Copy the whole folder"),
+    ):
+        StudyStore.open(copy / "study.db", read_only=True)
+    with StudyStore.open(copy / "study.db", read_only=True) as reader:
+        assert reader.participants() == {"P01": "seen"}
+
+
+def test_a_copy_without_its_log_says_what_is_missing(tmp_path: Path):
+    live, copy = tmp_path / "live.db", tmp_path / "study.db"
+    with StudyStore.create(live):
+        shutil.copy(live, copy)  # all that was kept is in live.db-wal still
+    for read_only in (True, False):
+        with pytest.raises(StoreError, match=r"copied without study.db-wal.*copy the whole folder"):
+            StudyStore.open(copy, read_only=read_only)

@@ -89,6 +89,23 @@ def test_equal_items_have_alpha_one():
     assert (found.alpha, found.low, found.high) == (1.0, 1.0, 1.0)
 
 
+@pytest.mark.parametrize("constant", [0.0, 3.0])
+def test_a_constant_item_is_left_out_as_psych_does(constant):
+    """``psych::alpha``: "Item = ... had no variance and was deleted", and k is one less."""
+    full = np.array(SMALL, dtype=float)
+    with_it = cronbach_alpha(np.insert(full, 1, constant, axis=1))
+    without = cronbach_alpha(full)
+    assert (with_it.alpha, with_it.low, with_it.high) == (without.alpha, without.low, without.high)
+    assert (with_it.items, with_it.constant) == (3, 1)
+    assert (without.items, without.constant) == (3, 0)
+
+
+def test_an_item_that_only_people_with_gaps_answered_otherwise_is_constant():
+    full = np.insert(np.array(SMALL, dtype=float), 1, 3.0, axis=1)
+    found = cronbach_alpha(np.vstack([full, [1, 5, np.nan, 2]]))
+    assert (found.alpha, found.constant) == (pytest.approx(297 / 368, abs=1e-12), 1)
+
+
 def test_people_with_a_gap_are_left_out():
     full = np.array(SMALL, dtype=float)
     gaps = np.vstack([full, [np.nan, 3, 3], [1, np.nan, np.nan]])
@@ -106,6 +123,7 @@ def test_people_with_a_gap_are_left_out():
         (np.array([(1, 2), (2, 3.0)]), "people with all answers: 2; at least 3 are needed"),
         (np.full((9, 3), np.nan), "people with all answers: 0; at least 3 are needed"),
         (np.ones((0, 3)), "people with all answers: 0; at least 3 are needed"),
+        (np.array([(1, 3), (2, 3), (5, 3.0)]), "items that vary: 1; at least 2 are needed"),
     ],
 )
 def test_where_alpha_is_not_defined_it_says_why(table, reason):

@@ -1,5 +1,6 @@
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -352,3 +353,14 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path):
     blocked.write_text("")
     with pytest.raises(SteerlabError, match="cannot be kept in"):
         save_profile(profile_from_toml(GOOD, "good.toml"), blocked / "wheels")
+
+
+def test_without_a_home_there_are_no_profiles_and_none_can_be_kept(monkeypatch):
+    def nowhere():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", nowhere)
+    monkeypatch.delenv("XDG_CONFIG_HOME")
+    assert user_profiles() == []
+    with pytest.raises(DeviceError, match="set HOME, or XDG_CONFIG_HOME"):
+        save_profile(profile_from_toml(GOOD, "good.toml"))

@@ -232,6 +232,8 @@ def test_the_list_says_what_is_plugged_in_and_what_to_do(events, profile_for):
         found = find_wheels(events)
         assert f"calibrated: {path}" in "\n".join(list_lines(found))
         assert found[0].to_dict()["profile_file"] == str(path)
+        path.with_name("another.toml").write_text("format = [")
+        assert find_wheels(events) == found
 
 
 @pytest.fixture
