@@ -59,7 +59,6 @@ class SteadyWheel:
 def main() -> int:
     """Run what was asked for."""
     from tests.faults.kills import VERBS, kill_often
-
     from tests.faults.readers import READERS
     from tests.faults.test_readers import fuzz
 
