@@ -12,11 +12,13 @@ def appearance(name: str) -> str:
     Blanks of any kind and in any place: no-break, zero-width, tabs, line breaks.
     """
     folded = unicodedata.normalize("NFKC", name).casefold()
-    return "".join(
-        one
-        for one in unicodedata.normalize("NFKC", folded)
-        if not one.isspace() and unicodedata.category(one) not in _UNSEEN
+    seen = "".join(
+        letter
+        for letter in unicodedata.normalize("NFKC", folded)
+        if not letter.isspace() and unicodedata.category(letter) not in _UNSEEN
     )
+    # What stood apart may join now: a letter and an accent that had a blank between them.
+    return seen if seen == name else appearance(seen)
 
 
 def alike(names: Iterable[str]) -> tuple[str, str] | None:

@@ -41,7 +41,6 @@ class SdlEvents:
     """
 
     def __init__(self, *, window: bool) -> None:
-        self._window = window
         if window:
             if os.environ.get("SDL_VIDEODRIVER") == "dummy":
                 del os.environ["SDL_VIDEODRIVER"]
@@ -74,7 +73,7 @@ class SdlEvents:
             KeyboardInterrupt: SDL has taken a SIGTERM, and there is no window to hear of it.
         """
         for event in pygame.event.get():
-            if event.type == pygame.QUIT and not self._window:
+            if event.type == pygame.QUIT and pygame.display.get_surface() is None:
                 raise KeyboardInterrupt
             now_ns = perf_counter_ns()
             for listener in tuple(self._listeners):

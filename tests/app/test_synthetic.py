@@ -62,7 +62,7 @@ def test_everything_promised_is_there_and_the_page_needs_nothing_else(quick, tmp
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--people", "3"), "people is 3; it must be at least 6"),
+        (("--people", "3"), "people is 3; it must be a whole number from 6"),
         (("--new-people", "0"), "new-people is 0"),
         (("--seed", "-1"), "seed is -1"),
     ],
