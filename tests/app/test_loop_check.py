@@ -106,9 +106,8 @@ def test_a_request_to_end_is_heard(tmp_path):
     assert done.stdout == "stopped\n", done.stderr
 
 
-def test_the_close_button_of_the_window_is_heard_too(tmp_path, monkeypatch):
+def test_the_close_button_of_the_window_is_heard_too(tmp_path):
     with SdlEvents(window=False) as events:
-        monkeypatch.setattr(events, "_window", True)
         pygame.event.post(pygame.event.Event(pygame.QUIT))
         with pytest.raises(KeyboardInterrupt):
             measure_loop(tmp_path, events, None, seconds=60.0)
