@@ -7,7 +7,7 @@ from pathlib import Path
 from steerlab.sim.files.folder_lock import CONSOLE_LOCK, RUN_LOCK, holder_name, locked
 from steerlab.sim.progress import Progress
 from steerlab.study.contract import StudyError
-from steerlab.study.derived import DERIVED, DERIVED_LOCK, derived_files, derived_lock
+from steerlab.study.derived import DERIVED, DERIVED_LOCK, derived_files, derived_lock, left_of
 from steerlab.study.models import remove_models_of, renew
 from steerlab.study.progress import progress_of
 from steerlab.study.protocol_file import PROTOCOL_FILE, QUESTIONNAIRES
@@ -57,6 +57,11 @@ def withdraw(study: OpenStudy, participant: str, *, erase: bool, progress: Progr
                 raise StudyError(f"The data of {participant} are erased; they cannot be kept.")
             return
         if left is Departure.ERASED:
+            with derived_lock(study.folder):  # what came back since, from a backup for example
+                back = {*traces(study.folder, participant), *left_of(study.folder, participant)}
+                for path in sorted(back):
+                    if path.exists():
+                        _delete(path)
             return
         if left is not Departure.ERASING:
             erase_rows(connection, participant)
