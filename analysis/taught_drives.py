@@ -12,10 +12,11 @@ import rerun.blueprint as rrb
 from steerlab.analysis.figures.look import learner_looks
 from steerlab.analysis.wording import learner_name
 from steerlab.sim.arrays import FloatArray
+from steerlab.sim.files.refusal import refusal
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import WorldSpec
 from steerlab.study.recording import layout
-from steerlab.study.recording.rebuild import whole_recording
+from steerlab.study.recording.rebuild import timeless_stream, whole_recording
 from steerlab.study.recording.scene import log_world
 from steerlab.study.recording.viewer import RecordingUnavailable
 
@@ -50,13 +51,8 @@ def write_taught_drives(drives: TaughtDrives, out: Path) -> None:
     Raises:
         RecordingUnavailable: it cannot be written.
     """
-    stream = rr.RecordingStream(
-        f"steerlab teach {drives.world.name}",
-        recording_id=f"teach/{drives.world.name}/{drives.teacher}",
-        send_properties=False,  # they hold the time at which this runs
-    )
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
+    world = drives.world.name
+    stream = timeless_stream(f"steerlab teach {world}", f"teach/{world}/{drives.teacher}")
     try:
         with whole_recording(stream, out, _blueprint(drives)):
             stream.send_recording_name(f"{drives.teacher} · {drives.world.name}")
@@ -66,9 +62,9 @@ def write_taught_drives(drives: TaughtDrives, out: Path) -> None:
             offsets_s = _offsets(list(drives.conditions.values()))
             for name, colour in _colours(list(drives.conditions)).items():
                 _log_learner(stream, name, drives.conditions[name], colour, offsets_s)
-    except (OSError, RuntimeError) as error:  # the second is what Rerun raises
+    except OSError as error:
         raise RecordingUnavailable(
-            f"Cannot write {out}: {error}. Make room and give the same command again."
+            f"Cannot write {out}: {refusal(error)}. Then give the same command again."
         ) from error
 
 

@@ -85,6 +85,19 @@ def count(value: int) -> str:
     return f"{value:,}".replace(",", _NARROW_SPACE)
 
 
+def counted(many: int, what: str) -> str:
+    """1 round, 12 rounds."""
+    return f"{count(many)} {what}{'' if many == 1 else 's'}"
+
+
+def duration(seconds: float) -> str:
+    """A time as one says it: 45 s, 6.2 min, 1.3 h."""
+    for unit, length in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 1.5 * length:
+            return f"{seconds / length:.1f}{_NARROW_SPACE}{unit}"
+    return f"{seconds:.0f}{_NARROW_SPACE}s"
+
+
 def p_value(value: float) -> str:
     """A p-value as journals print it: ``.012``, or ``< .001``."""
     if value < 0.001:
@@ -94,7 +107,7 @@ def p_value(value: float) -> str:
 
 def teachers(people: int) -> str:
     """1 teacher, 34 teachers."""
-    return f"{count(people)} teacher{'' if people == 1 else 's'}"
+    return counted(people, "teacher")
 
 
 def headline(summary: Summary) -> str:

@@ -12,10 +12,10 @@ from steerlab.analysis.study_data.population import is_population_run, read_popu
 from steerlab.analysis.study_data.records import ConditionValue, Exclusion, NotAStudy, StudyData
 from steerlab.analysis.study_data.study import read_study
 from steerlab.analysis.study_tables.csv_files import csv_files
-from steerlab.analysis.study_tables.methods import deviations
+from steerlab.analysis.study_tables.deviations import deviations
 from steerlab.analysis.study_tables.report import AnalysisReport, render_analysis
 from steerlab.analysis.study_tables.tables import AnalysisConfig, analyse
-from steerlab.sim.files.output_folder import OutputError, output_folder
+from steerlab.sim.files.output_folder import check_output_folder, output_folder
 from steerlab.sim.files.provenance import versions
 from steerlab.sim.files.run_folder import finite_json
 from steerlab.sim.names import alike, both_shown
@@ -67,6 +67,10 @@ def analyze(
     """
     started = perf_counter()
     progress("reading", 0.0)
+    _check_kind(folder)
+    report = out / REPORT
+    replace_it = force or (report / TABLES).is_file()
+    check_output_folder(report, force=replace_it)
     guard = ErasureGuard.of(folder) if (folder / STUDY_FILE).is_file() else None
     with nullcontext() if guard is None else guard.reading():
         data = _read(folder, config, progress)
@@ -91,16 +95,11 @@ def analyze(
         data, analysis.tables, installed, seconds | {"all": perf_counter() - started}
     )
     summary[ERASED_BEFORE] = sorted(guard.erased) if guard is not None else []
-    report = out / REPORT
-    is_ours = (report / TABLES).is_file()
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"Cannot write to {out}: {error.strerror or error}; choose another --out."
-        ) from error
     placing = None if guard is None else guard.placing()
-    with output_folder(report, force=force or is_ours, placing=placing) as fresh:
+    with (
+        nullcontext() if guard is None else guard.reading(),
+        output_folder(report, force=replace_it, placing=placing) as fresh,
+    ):
         (fresh / PAGE).write_text(page, encoding="utf-8")
         (fresh / TABLES).write_text(analysis.to_json(), encoding="utf-8")
         text = finite_json(summary, SUMMARY) + "\n"
@@ -111,17 +110,20 @@ def analyze(
     return summary
 
 
-def _read(folder: Path, config: AnalyzeConfig, progress: Progress) -> StudyData:
-    if (folder / STUDY_FILE).is_file():
-        data = read_study(folder, networks=config.networks, progress=progress)
-    elif is_population_run(folder):
-        data = read_population(folder, networks=config.networks, progress=progress)
-    else:
+def _check_kind(folder: Path) -> None:
+    if not ((folder / STUDY_FILE).is_file() or is_population_run(folder)):
         raise NotAStudy(
             f"{folder} is no study and no population run: it has neither {STUDY_FILE} nor "
             f"labels/seen.parquet. Give a folder made by steerlab study new or steerlab simulate; "
             f"outcomes of steerlab teach are given beside one of them, with --conditions."
         )
+
+
+def _read(folder: Path, config: AnalyzeConfig, progress: Progress) -> StudyData:
+    if (folder / STUDY_FILE).is_file():
+        data = read_study(folder, networks=config.networks, progress=progress)
+    else:
+        data = read_population(folder, networks=config.networks, progress=progress)
     if config.conditions is None:
         return data
     data = with_conditions(data, read_conditions(config.conditions))

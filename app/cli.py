@@ -26,11 +26,13 @@ VERBS = (
     "synthetic",
     "teach",
     "analyze",
+    "export",
     "power",
     "calibration-set",
 )
 """Each is a function of its name in a module of its name in ``commands``."""
 
+_RERUNS_LOG = ("RUST_LOG", "off")  # what concerns the user comes as an error or a warning of ours
 _WIDEST_HELP = 100  # characters
 _NARROWEST, _WIDEST = 40, 1000  # of a terminal: tyro never ends in a narrower one
 _SIGPIPE = getattr(signal, "SIGPIPE", 13)  # Windows has no such signal
@@ -51,8 +53,10 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + _SIGPIPE
     except OSError as error:
-        where = f" {error.filename}" if error.filename else ""
-        print(f"steerlab: {error.strerror or error}{where}; check the path.", file=sys.stderr)
+        from steerlab.sim.files.refusal import refusal
+
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"steerlab: {where}{refusal(error, 'check the path')}.", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("steerlab: stopped.", file=sys.stderr)
@@ -152,15 +156,26 @@ def _run_verb(verb: str, arguments: list[str]) -> int:
     import logging
 
     import tyro
+    from tyro._errors import ParseErrorEvent, on_parse_error
 
-    from steerlab.app.commands.arguments import READ_AS
+    from steerlab.app.commands.arguments import READ_AS, BadArgument
     from steerlab.sim.errors import SteerlabError
+    from steerlab.sim.files.machine import check_handles
 
     logging.basicConfig(format="steerlab: %(message)s", level=logging.WARNING)
+    os.environ.setdefault(*_RERUNS_LOG)
+    function = verb_function(verb)
+
+    def refuse(event: ParseErrorEvent) -> None:
+        from steerlab.app.refusals import refusal_of
+
+        if sentence := refusal_of(event, function, arguments):
+            raise BadArgument(sentence)
+
     try:
-        return tyro.cli(
-            verb_function(verb), prog=f"steerlab {verb}", args=arguments, registry=READ_AS
-        )
+        check_handles()
+        with on_parse_error(refuse):
+            return tyro.cli(function, prog=f"steerlab {verb}", args=arguments, registry=READ_AS)
     except SteerlabError as error:
         print(f"steerlab: {error}", file=sys.stderr)
         return 2

@@ -3,7 +3,7 @@
 import os
 import tempfile
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass
 from math import pi, sin
 from pathlib import Path
@@ -38,6 +38,7 @@ from steerlab.teleop.drives.contract import Drive
 from steerlab.teleop.drives.replay import Replay
 from steerlab.teleop.loop import run_drive
 from steerlab.teleop.pacing import NS_PER_S, PacingConfig, WallClock, no_garbage_collection
+from steerlab.teleop.screen.config import ScreenConfig
 from steerlab.teleop.screen.contract import DriveView, Screen
 from steerlab.teleop.screen.drive_screen import DriveScreen
 from steerlab.teleop.sdl import NoDisplay, SdlEvents
@@ -50,7 +51,7 @@ AXES = 4
 RAW_MAX = 32767  # of SDL's axes
 HEARD_WITHIN_MS = 2000  # the virtual wheel's first motion
 BUSY = "Close other programs, set the processor to full speed, and try again."
-DRAWING = "Use a smaller window (--size 960x540) or a machine with a graphics driver."
+DRAWING = "Use a window (--windowed) or a machine with a graphics driver."
 MENDS = {
     "lateness_p99_ms": BUSY,
     "lateness_max_ms": BUSY,
@@ -273,6 +274,7 @@ def _drive_drawer(
         screen.show_drive(
             DriveView(
                 pose=moment.pose,
+                speed_mps=moment.speed_mps,
                 elapsed_s=clock.elapsed_s,
                 number=1,
                 count=12,
@@ -297,7 +299,9 @@ def examine_loop(folder: Path, seconds: float, progress: Progress) -> list[Check
         check = measure_loop(
             Path(study), events, screen, seconds, lambda share: progress("running the loop", share)
         )
-        drawn = "none" if screen is None else str(screen.resolution)
+        drawn = "none"
+        if screen is not None:
+            drawn = f"{screen.resolution}; sound {screen.loudspeaker.said}"
     return loop_checks(check, drawn)
 
 
@@ -385,15 +389,12 @@ def _mend(failed: dict[str, TimingViolation], *names: str) -> str:
 
 @contextmanager
 def _display() -> Generator[tuple[SdlEvents, DriveScreen | None]]:
-    """A window where there is a display; without a display no screen, so that the loop alone runs."""
+    """The full screen where there is a display; else none, so that the loop alone runs."""
     has_display = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
     try:
         events = SdlEvents(window=has_display)
     except NoDisplay:
         events, has_display = SdlEvents(window=False), False
-    with events:
-        if not has_display:
-            yield events, None
-            return
-        with DriveScreen(events) as screen:
-            yield events, screen
+    as_participants = ScreenConfig(full_screen=True, sound=True)
+    with events, DriveScreen(events, as_participants) if has_display else nullcontext() as screen:
+        yield events, screen

@@ -2,10 +2,9 @@
 
 import csv
 import io
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import replace
 from math import ceil
-from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -18,12 +17,12 @@ from steerlab.analysis.power_study.simulated_studies import BLOCK, add_up, run_b
 from steerlab.analysis.study_data.conditions_file import read_conditions
 from steerlab.analysis.study_data.records import NotAStudy
 from steerlab.analysis.study_tables.conditions import outcome_table
+from steerlab.app.worker_pool import worker_pool
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.files.machine import worker_count
 from steerlab.sim.files.output_folder import OutputError
 from steerlab.sim.files.provenance import versions
-from steerlab.sim.files.run_folder import open_run_folder, write_json, write_text
+from steerlab.sim.files.run_folder import SUMMARY, results, run_folder, write_json
 from steerlab.sim.files.structured import json_values, structured, utf8_text, within_file
 from steerlab.sim.progress import Progress
 
@@ -41,7 +40,7 @@ def power(
     taught: Path | None = None,
     force: bool = False,
 ) -> dict[str, Any]:
-    """Simulate what is missing in ``out``, then write ``summary.json``, ``power.csv`` and report.
+    """Simulate what is missing in ``out``, then write ``summary.json``, ``power.csv`` and report as one.
 
     More sample sizes or studies are added to those that are there; results depend neither on
     ``jobs`` nor on where an earlier call was stopped.
@@ -59,32 +58,36 @@ def power(
     design = replace(design, studies=BLOCK * ceil(design.studies / BLOCK))
     settings = {"schema": SCHEMA, "block": BLOCK, **design.identity()}
     settings["taught"] = None if drawn is None else [list(drawn[0]), drawn[1].tolist()]
-    open_run_folder(out, settings, file=RUN_FILE, parts=(BLOCKS, "report"), force=force)
-    _run(design, drawn, out, progress, jobs)
-    curves = _curves(design, out)
-    seconds = {"this_call": perf_counter() - started}
-    found = versions()
-    summary = {
-        "schema": SCHEMA,
-        "verb": "power",
-        "design": design.identity() | {"people": [*design.people], "studies": design.studies},
-        "outcomes_from": None if taught is None else taught.name,
-        "curves": [curve.values() for curve in curves],
-        "versions": dict(sorted(found.items())),
-        "seconds": {name: round(value, 1) for name, value in seconds.items()},
-    }
-    report = PowerReport(
-        design=design,
-        curves=curves,
-        taught="" if taught is None else taught.name,
-        versions=found,
-        seconds=seconds,
-        command=command,
-    )
-    write_text(render_power(report), out / "report" / "index.html")
-    write_text(_csv(curves), out / "power.csv")
-    write_json(summary, out / "summary.json")
-    return summary
+    with run_folder(out, settings, file=RUN_FILE, parts=(BLOCKS,), force=force):
+        _run(design, drawn, out, progress, jobs)
+        curves = _curves(design, out)
+        seconds = {"this_call": perf_counter() - started}
+        found = versions()
+        summary = {
+            "schema": SCHEMA,
+            "verb": "power",
+            "design": design.identity() | {"people": [*design.people], "studies": design.studies},
+            "outcomes_from": None if taught is None else taught.name,
+            "curves": [curve.values() for curve in curves],
+            "versions": dict(sorted(found.items())),
+            "seconds": {name: round(value, 1) for name, value in seconds.items()},
+        }
+        report = PowerReport(
+            design=design,
+            curves=curves,
+            taught="" if taught is None else taught.name,
+            versions=found,
+            seconds=seconds,
+            command=command,
+        )
+        with results(out) as fresh:
+            (fresh / "report").mkdir()
+            (fresh / "report" / "index.html").write_text(
+                render_power(report), encoding="utf-8", newline="\n"
+            )
+            (fresh / "power.csv").write_text(_csv(curves), encoding="utf-8", newline="\n")
+            write_json(summary, fresh / SUMMARY)
+        return summary
 
 
 def _taught(path: Path, ours: str) -> Taught:
@@ -125,16 +128,11 @@ def _run(
             write_json(run_block(design, *one, drawn), _block_path(out, *one))
             done(place)
         return
-    pool = ProcessPoolExecutor(
-        max_workers=worker_count(jobs, len(missing)), mp_context=get_context("spawn")
-    )
-    try:
+    with worker_pool(jobs, len(missing)) as pool:
         waiting = {pool.submit(run_block, design, *one, drawn): one for one in missing}
         for place, future in enumerate(as_completed(waiting), start=1):
             write_json(future.result(), _block_path(out, *waiting[future]))
             done(place)
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _curves(design: PowerDesign, out: Path) -> list[PowerCurve]:

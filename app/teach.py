@@ -12,13 +12,13 @@ from steerlab.app.teach_people import given_mapper, prepare
 from steerlab.app.teach_shards import part_of, read_shard, shard_path
 from steerlab.app.teach_units import missing_units, run_units
 from steerlab.sim.files.provenance import versions
-from steerlab.sim.files.run_folder import open_run_folder, write_json, write_text
+from steerlab.sim.files.run_folder import SUMMARY, results, run_folder, write_json
 from steerlab.sim.progress import Progress, ShareProgress
 from steerlab.sim.world import WorldSpec
 
 RUN_FILE = "teach.json"
 RECORDINGS = "recordings"
-PARTS = ("models", "teachers", "policies", RECORDINGS, "report")
+PARTS = ("models", "teachers", "policies")
 
 
 def teach(
@@ -31,11 +31,11 @@ def teach(
     mapper: Path | None = None,
     force: bool = False,
 ) -> dict[str, Any]:
-    """Run what is missing of a comparison in ``out``, then write its summary and report.
+    """Run what is missing of a comparison in ``out``, then write recordings, summary and report as one.
 
     Layout: ``teach.json`` (the settings), ``models/``, ``teachers/<name>.json``,
     ``policies/<name>/`` and ``recordings/<name>.rrd`` (of the first learner seed), ``summary.json``,
-    ``report/index.html``.
+    ``report/index.html``. The last three belong together while there is a ``summary.json``.
     Stopped at any moment, the same command goes on with whatever each teacher has still to teach;
     more ``teachers`` and ``learner_seeds`` and other ``learners`` are added to what there is.
 
@@ -51,41 +51,49 @@ def teach(
     started = perf_counter()
     given = None if mapper is None else given_mapper(mapper)
     settings = config.identity() | {"mapper": None if mapper is None else str(mapper)}
-    open_run_folder(out, settings, file=RUN_FILE, parts=PARTS, force=force)
-    prepared = prepare(config, out / "models", progress, given=given)
-    units = missing_units(config, prepared.teachers, out)
-    run_units(config, prepared, units, out, progress, jobs)
-    progress("writing the report", 0.0)
-    shards = [
-        part_of(read_shard(shard_path(out, one.name)), config.learners, config.learner_seeds)
-        for one in prepared.teachers
-    ]
-    task = config.make_task()
-    summary = summarise(
-        shards,
-        run=config.identity()
-        | {
-            "teachers": config.teachers,
-            "learner_seeds": config.learner_seeds,
-            "learners": list(config.learners),
-        },
-        versions=versions(),
-        seconds={"this_call": perf_counter() - started},
-    )
-    write_json(summary, out / "summary.json")
-    recordings = write_recordings(
-        shards,
-        config.learners,
-        task.world,
-        out,
-        lambda share: progress("writing the report", 0.8 * share),
-    )
-    report = TeachReport(
-        summary=summary, shards=shards, world=task.world, command=command, recordings=recordings
-    )
-    write_text(render_teach_report(report), out / "report" / "index.html")
-    progress("writing the report", 1.0)
-    return summary
+    with run_folder(out, settings, file=RUN_FILE, parts=PARTS, force=force):
+        prepared = prepare(config, out / "models", progress, given=given)
+        units = missing_units(config, prepared.teachers, out)
+        run_units(config, prepared, units, out, progress, jobs)
+        progress("writing the report", 0.0)
+        shards = [
+            part_of(read_shard(shard_path(out, one.name)), config.learners, config.learner_seeds)
+            for one in prepared.teachers
+        ]
+        task = config.make_task()
+        summary = summarise(
+            shards,
+            run=config.identity()
+            | {
+                "teachers": config.teachers,
+                "learner_seeds": config.learner_seeds,
+                "learners": list(config.learners),
+            },
+            versions=versions(),
+            seconds={"this_call": perf_counter() - started},
+        )
+        with results(out) as fresh:
+            for part in (RECORDINGS, "report"):
+                (fresh / part).mkdir()
+            write_json(summary, fresh / SUMMARY)
+            recordings = write_recordings(
+                shards,
+                config.learners,
+                task.world,
+                fresh,
+                lambda share: progress("writing the report", 0.8 * share),
+            )
+            report = TeachReport(
+                summary=summary,
+                shards=shards,
+                world=task.world,
+                command=command,
+                recordings=recordings,
+            )
+            page = render_teach_report(report)
+            (fresh / "report" / "index.html").write_text(page, encoding="utf-8", newline="\n")
+        progress("writing the report", 1.0)
+        return summary
 
 
 def write_recordings(

@@ -14,6 +14,7 @@ from steerlab.learning.agents import Episode, RoundResult, TaskEnv
 from steerlab.learning.policy import PolicyNetwork, save_policy
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.files.output_folder import OutputError
+from steerlab.sim.files.refusal import refusal
 from steerlab.sim.files.run_folder import keeping
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.world import REACH_M
@@ -32,7 +33,9 @@ def keep_policies(networks: Sequence[PolicyNetwork], folder: Path, learner: str)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"Cannot write to {folder}: {error.strerror or error}.") from error
+        raise OutputError(
+            f"Cannot write to {folder}: {refusal(error, 'choose another --out')}."
+        ) from error
     for member, network in enumerate(networks):
         file = folder / f"{learner.replace(':', '-')}-{member}.safetensors"
         with keeping(file) as fresh:

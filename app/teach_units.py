@@ -1,10 +1,8 @@
 """The work of a comparison, unit by unit, here or shared by processes; each is kept when done."""
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import Future, as_completed
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +20,7 @@ from steerlab.app.teach_shards import (
     shard_path,
     shown_frames,
 )
+from steerlab.app.worker_pool import worker_pool
 from steerlab.learning.agents import (
     BallNeverReached,
     Episode,
@@ -34,15 +33,9 @@ from steerlab.learning.agents import (
 from steerlab.learning.mapper import LabelMapper
 from steerlab.learning.policy_training import TrainingDiverged
 from steerlab.sim.engine.gl import draw_without_threads
-from steerlab.sim.errors import SteerlabError
-from steerlab.sim.files.machine import worker_count
 from steerlab.sim.files.run_folder import write_json
 from steerlab.sim.progress import Progress, ShareProgress
 from steerlab.sim.unusual_teachers import UnusualTeacher
-
-
-class WorkerLost(SteerlabError):
-    """A process that taught has died: out of memory, or killed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,7 +181,7 @@ def run_units(
     """Run all units; each is in its teacher's shard as soon as it is done.
 
     Raises:
-        WorkerLost: a process died; what was done is kept.
+        WorkerLost: a process died; what was finished is kept.
         OutputError: a shard cannot be written.
     """
     if not units:
@@ -198,13 +191,8 @@ def run_units(
         return
     progress("teaching", 0.0)
     draw_without_threads()  # the processes inherit it; here MuJoCo may have been imported
-    pool = ProcessPoolExecutor(
-        max_workers=worker_count(jobs, len(units)),
-        mp_context=get_context("spawn"),  # a fork would share torch's and OpenGL's state
-        initializer=open_runner,
-        initargs=(config, prepared.mappers, out),
-    )
-    try:
+    runner = (config, prepared.mappers, out)
+    with worker_pool(jobs, len(units), initializer=open_runner, initargs=runner) as pool:
         waiting = {pool.submit(run_unit, unit): unit for unit in units}
         for done, future in enumerate(as_completed(waiting), start=1):
             if not future.cancelled():
@@ -213,13 +201,6 @@ def run_units(
                 if taught.left_out:
                     _cancel(waiting, taught.unit.teacher)
             progress("teaching", done / len(units))
-    except BrokenProcessPool as error:
-        raise WorkerLost(
-            "A process that taught has died, for lack of memory or because it could not start. "
-            "What was finished is kept: give the same command again, with fewer --jobs."
-        ) from error
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _cancel(waiting: Mapping[Future[TaughtUnit], Unit], teacher: Person) -> None:

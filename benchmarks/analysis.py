@@ -55,12 +55,14 @@ def run() -> list[Row]:
     with tempfile.TemporaryDirectory() as cache:
         started = perf_counter()
         rollouts = [rollout.name for rollout in load_calibration_set()]
-        parts = split_study(data.series, split_rollouts(rollouts), ())
+        split = split_rollouts(rollouts)
+        parts = split_study(data.series, split, ())
         mapper = network_for(
             parts, LAB, seed=0, cache=Path(cache), progress=lambda what, share: None
         )
         trained_s = perf_counter() - started
-    w = embeddings_of(mapper, [one.id for one in data.people], seed=0, source="benchmark")
+    people = [one.id for one in data.people]
+    w = embeddings_of(mapper, people, seed=0, source="benchmark", held_out=split.held_out)
     held_out = judge(mapper, parts.held_out_seen, seed=0, role="training")
     assert w is not None
     assert held_out is not None

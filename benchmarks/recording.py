@@ -19,6 +19,7 @@ from steerlab.sim.world import WorldSpec
 from steerlab.study.recording.rebuild import rebuild_recording
 from steerlab.study.recording.replay import view_of
 from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
+from steerlab.study.recording.video import VIDEO_PX, make_video
 from steerlab.teleop.devices.contract import DeviceInfo, InputKind
 from steerlab.teleop.timing import StepTiming
 
@@ -31,6 +32,7 @@ STEP_LIMIT_US = 100.0
 WAKE_P99_LIMIT_MS = 2.0  # the gate of an attempt
 SIZE_LIMIT_MB = 15.0
 REBUILD_LIMIT_S = 2.0
+FILM_LIMIT_S = 1.0  # an attempt of 20 s in 20 s
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,13 @@ def run() -> list[Row]:
         rebuild_recording(folder / "study", folder / "bare.rrd")
         rebuild_s = perf_counter() - began
         rebuild_recording(folder / "study", folder / "pictures.rrd", open_view=view_of)
+        began = perf_counter()
+        make_video(
+            folder / "study",
+            folder / "film.mp4",
+            open_view=lambda world: view_of(world, VIDEO_PX),
+        )
+        film_s = (perf_counter() - began) * CONTROL_HZ / STEPS
         sizes_mb = [
             file.stat().st_size / 1e6
             for file in (live, folder / "bare.rrd", folder / "pictures.rrd")
@@ -117,6 +126,7 @@ def run() -> list[Row]:
         at_most("recording, live, a minute", live_mb, SIZE_LIMIT_MB, "MB"),
         at_most("recording, rebuilt, a minute", bare_mb, SIZE_LIMIT_MB, "MB"),
         at_most("recording with pictures, a minute", pictures_mb, SIZE_LIMIT_MB, "MB"),
+        at_most("video, a second of it", film_s, FILM_LIMIT_S, "s"),
         at_most("rebuild a minute", rebuild_s, REBUILD_LIMIT_S, "s"),
     ]
 

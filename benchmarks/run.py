@@ -1,7 +1,8 @@
 """Every benchmark in one run: ``make bench`` or ``python -m benchmarks.run [--quality] [NAME ...]``.
 
 Prints a row a figure and exits with 1 if a limit is missed. ``--quality`` adds the ten studies
-of 34 + 34 teachers whose improvement the README reports, and a thousand null studies; minutes each.
+of 34 + 34 teachers whose improvement the README reports, a thousand null studies, and the export of a
+whole scripted study; minutes each.
 """
 
 import sys
@@ -15,9 +16,11 @@ from benchmarks import (
     commands,
     console,
     expected_error,
+    export,
     ground_truth,
     mapper_quality,
     mapper_speed,
+    markers,
     policy_speed,
     pretrained,
     recording,
@@ -41,6 +44,7 @@ BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "expected_error": expected_error.run,
     "store": store.run,
     "recording": recording.run,
+    "markers": markers.run,
     "style": style.run,
     "analysis": analysis.run,
     "teleop": teleop.run,
@@ -62,7 +66,7 @@ def main(arguments: list[str]) -> int:
         return 2
     rows = [(name, row) for name in chosen for row in BENCHMARKS[name]()]
     if "--quality" in arguments:
-        judged = (mapper_quality.quality, pretrained.quality, analysis.quality)
+        judged = (mapper_quality.quality, pretrained.quality, analysis.quality, export.run)
         rows += [("quality", row) for quality in judged for row in quality()]
     table = Table("benchmark", "figure", "measured", "limit", "unit", "")
     for name, row in rows:

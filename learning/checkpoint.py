@@ -11,7 +11,13 @@ from steerlab.learning.errors import InvalidCheckpoint
 from steerlab.learning.mapper import MindMeldMapper
 from steerlab.learning.mind_meld import MindMeld
 from steerlab.learning.presets import MapperConfig
-from steerlab.learning.tensor_file import read_tensors, without_prefix, write_tensors
+from steerlab.learning.tensor_file import (
+    in_header,
+    network_of,
+    read_tensors,
+    without_prefix,
+    write_tensors,
+)
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.files.reading import reading
 
@@ -67,10 +73,12 @@ def load_mapper(path: Path) -> MindMeldMapper:
             f"{FORMAT_VERSION}. Fit the mapper again or use the steerlab that wrote it."
         )
     with reading(path, "a MIND MELD model", InvalidCheckpoint, "Fit the mapper again."):
-        config = MapperConfig.from_dict(header["config"])
+        with in_header(path):
+            config = MapperConfig.from_dict(header["config"])
         people, seed = [str(person) for person in header["people"]], int(header["seed"])
-        network = MindMeld(config.network, torch.Generator().manual_seed(0))
-        network.load_state_dict(without_prefix(tensors, _NETWORK))
+        network = network_of(
+            without_prefix(tensors, _NETWORK), lambda: MindMeld(config.network, torch.Generator())
+        )
         training, embeddings = tensors["training_embeddings"], tensors["embeddings"]
         size = config.network.embedding_size
         if embeddings.shape != (len(people), size) or training.shape[1:] != (size,):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from steerlab.learning.errors import InvalidCheckpoint, InvalidLabels
-from steerlab.learning.tensor_file import read_tensors, write_tensors
+from steerlab.learning.tensor_file import in_header, network_of, read_tensors, write_tensors
 from steerlab.learning.training import torch_threads
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
@@ -183,6 +183,6 @@ def load_policy(path: Path) -> PolicyNetwork:
     with reading(path, "a policy", InvalidCheckpoint, "Teach one and save it."):
         fields = dict(header["config"])
         fields["channels"] = tuple(fields["channels"])
-        network = PolicyNetwork(PolicyConfig(**fields), torch.Generator().manual_seed(0))
-        network.load_state_dict(tensors)
-    return network
+        with in_header(path):
+            config = PolicyConfig(**fields)
+        return network_of(tensors, lambda: PolicyNetwork(config, torch.Generator()))

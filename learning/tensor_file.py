@@ -1,17 +1,21 @@
 """safetensors files whose header carries our JSON; those who write and read them know what it means."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from safetensors import safe_open
 from safetensors.torch import save
-from torch import Tensor
+from torch import Tensor, nn
 
 from steerlab.learning.errors import InvalidCheckpoint
+from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.files.reading import reading
+
+Network = TypeVar("Network", bound=nn.Module)
 
 
 def write_tensors(tensors: Mapping[str, Tensor], header: Mapping[str, Any], path: Path) -> None:
@@ -68,6 +72,43 @@ def check_finite(tensors: Mapping[str, Tensor]) -> None:
     for name, tensor in tensors.items():
         if not bool(torch.isfinite(tensor).all()):
             raise ValueError(f"{name} holds NaN or infinity")
+
+
+@contextmanager
+def in_header(path: Path) -> Iterator[None]:
+    """Settings that are read from a file's header in this block are named with the file.
+
+    Raises:
+        InvalidCheckpoint: one is not what it may be.
+    """
+    try:
+        yield
+    except InvalidConfig as error:
+        raise InvalidCheckpoint(f"{path} holds settings that are none: {error}") from error
+
+
+def network_of(tensors: Mapping[str, Tensor], make: Callable[[], Network]) -> Network:
+    """A network with ``tensors`` as its parameters; it gets memory only once its sizes are theirs.
+
+    Args:
+        make: builds it from what the file's header says.
+
+    Raises:
+        ValueError: the header's sizes are not those of the tensors.
+        RuntimeError: they are beyond any machine.
+    """
+    with torch.device("meta"):
+        network = make()
+    wanted = {name: tuple(value.shape) for name, value in network.state_dict().items()}
+    found = {name: tuple(value.shape) for name, value in tensors.items()}
+    for name in sorted({*wanted, *found}):
+        if found.get(name) != wanted.get(name):
+            raise ValueError(
+                f"{name} is {found.get(name, 'missing')}, its header says "
+                f"{wanted.get(name, 'nothing of it')}"
+            )
+    network.to_empty(device="cpu").load_state_dict(tensors)
+    return network
 
 
 def without_prefix(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

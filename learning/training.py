@@ -27,6 +27,7 @@ HUBER = 0.3
 # Mirrored people are not in the paper either. All people label the same few drives, which the
 # network learns by heart; mirrored drives are new ones. Tuning seeds, human noise, seen / new
 # people: 56.6 / 53.6 % without, 58.8 / 56.2 % with.
+_MOST_THREADS = 1024
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +79,8 @@ class TrainingConfig:
             raise InvalidConfig(
                 f"embedding_loss_weight is {self.embedding_loss_weight}; it must not be negative."
             )
+        if self.threads > _MOST_THREADS:
+            raise InvalidConfig(f"threads is {self.threads}; give at most {_MOST_THREADS}.")
         if self.share_per_epoch > 1.0:
             raise InvalidConfig(f"share_per_epoch is {self.share_per_epoch}; a share is at most 1.")
 

@@ -13,6 +13,7 @@ from steerlab.learning.series import LabelSeries
 from steerlab.sim.errors import InvalidConfig
 
 CHANNELS = 2  # label, and whether there is one
+_MOST_SIDE = 1000  # samples; ours have 10, and windows of all steps are in memory at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +43,11 @@ class WindowConfig:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
                 raise InvalidConfig(f"WindowConfig.{name} is {value}; it must be positive.")
+        if self.half_width_s * self.rate_hz > _MOST_SIDE:
+            raise InvalidConfig(
+                f"A half width of {self.half_width_s} s at {self.rate_hz} Hz holds more than "
+                f"{_MOST_SIDE} samples; narrow the window or lower the rate."
+            )
         if self.side < 1:
             raise InvalidConfig(
                 f"A half width of {self.half_width_s} s at {self.rate_hz} Hz holds no neighbour; "

@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 from steerlab.sim.errors import InvalidConfig, shown
 from steerlab.sim.files.output_folder import OutputError
 from steerlab.sim.files.reading import reading
+from steerlab.sim.files.refusal import refusal
 from steerlab.sim.files.structured import json_values, structured, within_file
 from steerlab.sim.files.whole_file import whole_file
 from steerlab.sim.rollout import Outcome, Rollout
@@ -99,8 +100,7 @@ def write_rollouts(rollouts: Sequence[Rollout], path: Path, *, made_by: str) -> 
             pq.write_table(table, part, compression="zstd", compression_level=19)
     except OSError as error:
         raise OutputError(
-            f"Cannot write {path}: {error.strerror or error}; what was there is as it was. Make "
-            "room, or choose another file."
+            f"Cannot write {path}: {refusal(error, 'choose another file')}. What was there is as it was."
         ) from error
 
 

@@ -7,7 +7,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from steerlab.sim.errors import shown
+from steerlab.sim.files.by_suffix import files_with
 from steerlab.sim.files.reading import reading
+from steerlab.sim.files.refusal import refusal
 from steerlab.sim.files.whole_file import whole_file
 from steerlab.sim.records import LABELLED_STEP_SCHEMA, SCHEMA_VERSION, InvalidRecord
 
@@ -31,8 +33,7 @@ def write_shard(table: pa.Table, path: Path) -> None:
             pq.write_table(labels, part, compression="zstd", row_group_size=ROWS_PER_GROUP)
     except OSError as error:
         raise InvalidRecord(
-            f"Cannot write {path}: {error.strerror or error}. Check that the folder exists, is "
-            f"writable and has room."
+            f"Cannot write {path}: {refusal(error, 'check that the folder exists and is writable')}."
         ) from error
 
 
@@ -47,7 +48,7 @@ def read_shards(folder: Path) -> pa.Table:
     """
     if not folder.is_dir():
         raise InvalidRecord(f"{folder} is not a folder; give the folder that holds the shards.")
-    paths = sorted(folder.glob("*.parquet"))
+    paths = files_with(folder, ".parquet")
     if not paths:
         raise InvalidRecord(f"{folder} holds no *.parquet file; was the run finished?")
     shards: list[pa.Table] = []

@@ -13,19 +13,18 @@ from steerlab.sim.progress import Progress
 from steerlab.sim.rollout import Rollout
 from steerlab.study.recording.replay import oracle_path, view_of
 from steerlab.study.recording.session_recorder import SessionInfo, SessionRecorder
-from steerlab.teleop.attempt import SessionConfig
+from steerlab.teleop.attempt import Recorder, SessionConfig
 from steerlab.teleop.devices.contract import Device, DeviceInfo, InputKind
 from steerlab.teleop.devices.force_feedback import DEFAULT_AUTOCENTRE
 from steerlab.teleop.devices.open import open_device
 from steerlab.teleop.drives.replay import Replay
-from steerlab.teleop.latency import input_latency_ms
 from steerlab.teleop.loop import NullClock, run_drive
+from steerlab.teleop.markers import Markers, marked
 from steerlab.teleop.pages import keeping_page
 from steerlab.teleop.practice import Practice, PracticeConfig, PracticeResult
 from steerlab.teleop.screen.config import ScreenConfig
 from steerlab.teleop.screen.drive_screen import DriveScreen
-from steerlab.teleop.screen.resolution import Resolution
-from steerlab.teleop.sdl import SdlEvents
+from steerlab.teleop.seat import seated
 from steerlab.teleop.session import DriveSession, SessionEnd
 from steerlab.teleop.timing_limits import LoopHealth
 
@@ -40,6 +39,7 @@ class CalibrationSessionConfig:
         pictures: draw the camera into the recordings when the session is over.
         autocentre: a wheel's centring force, 0 to 1; None leaves it alone.
         settings: kept with the session besides those of the display.
+        markers: told of each attempt and step; None for nobody.
     """
 
     viewer: bool = False
@@ -49,6 +49,7 @@ class CalibrationSessionConfig:
     screen: ScreenConfig = field(default_factory=ScreenConfig)
     session: SessionConfig = field(default_factory=SessionConfig)
     settings: Mapping[str, str] = field(default_factory=dict)
+    markers: Markers | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,39 +105,35 @@ class CalibrationSession:
 
     def _attended(self, spec: str, progress: Progress) -> Corrected:
         config = self.config
-        with SdlEvents(window=True) as events:
-            device = open_device(spec, events, autocentre=config.autocentre)
-            device.connect()
-            try:
-                with DriveScreen(events, config.screen) as screen:
-                    if self.left:
-                        screen.enter(self.left[0].world)  # measures how fast it can draw
-                    with self._recorder(device.info, screen.resolution) as recorder:
-                        session = DriveSession(
-                            screen=screen,
-                            device=device,
-                            poll=events.poll,
-                            recorder=recorder,
-                            participant=self.participant,
-                            total=self.total,
-                            done=self.total - len(self.left),
-                            config=config.session,
-                        )
-                        end = session.run(map(Replay, self.left))
-                        screen.show_page(keeping_page())
-                        self._draw(recorder, progress)
-            finally:
-                device.disconnect()
+        with seated(spec, config.screen, autocentre=config.autocentre) as seat:
+            screen, device = seat.screen, seat.device
+            if self.left:
+                screen.enter(self.left[0].world)  # measures how fast it can draw
+            with self._recorder(device.info, screen) as recorder:
+                session = DriveSession(
+                    screen=screen,
+                    device=device,
+                    poll=seat.events.poll,
+                    recorder=self._marked(recorder, device.info),
+                    participant=self.participant,
+                    total=self.total,
+                    done=self.total - len(self.left),
+                    config=config.session,
+                )
+                end = session.run(map(Replay, self.left))
+                screen.show_page(keeping_page())
+                self._draw(recorder, progress)
         return self._result(end, session.done, session.health, recorder)
 
     def _unattended(self, device: Device, progress: Progress) -> Corrected:
         device.connect()
         try:
             with self._recorder(device.info, None) as recorder:
+                marked_recorder = self._marked(recorder, device.info)
                 for number, rollout in enumerate(self.left):
                     progress("correcting", number / len(self.left))
                     drive = Replay(rollout)
-                    record = recorder.begin(drive)
+                    record = marked_recorder.begin(drive)
                     run_drive(
                         drive,
                         device,
@@ -146,14 +143,18 @@ class CalibrationSession:
                         clock=NullClock(),
                         sink=record,
                     )
-                    record.finish()
+                    record.finish(())
                 progress("correcting", 1.0)
                 self._draw(recorder, progress)
         finally:
             device.disconnect()
         return self._result(SessionEnd.DONE, self.total, [], recorder)
 
-    def _recorder(self, device: DeviceInfo, resolution: Resolution | None) -> SessionRecorder:
+    def _marked(self, recorder: SessionRecorder, device: DeviceInfo) -> Recorder:
+        who = self.participant
+        return marked(recorder, self.config.markers, participant=who, device=device.name)
+
+    def _recorder(self, device: DeviceInfo, screen: DriveScreen | None) -> SessionRecorder:
         from steerlab.study.recording.viewer import ViewerProcess
 
         config = self.config
@@ -162,28 +163,20 @@ class CalibrationSession:
             **config.settings,
             "show_agent_wheel": str(config.session.show_agent_wheel).lower(),
         }
-        if resolution is None:  # nobody looks
-            info = SessionInfo(
-                participant=self.participant,
-                role=self.role,
-                device=device,
-                control_hz=pacing.control_hz,
-                settings=settings,
-            )
-        else:
-            info = SessionInfo(
-                participant=self.participant,
-                role=self.role,
-                device=device,
-                control_hz=pacing.control_hz,
-                display_hz=pacing.display_hz,
-                screen_px=resolution.window_px,
-                input_latency_ms=input_latency_ms(resolution.frame_ms, pacing),
-                settings={**settings, "drawn": str(resolution), "view": config.screen.view},
-            )
+        info = SessionInfo(
+            participant=self.participant,
+            role=self.role,
+            device=device,
+            control_hz=pacing.control_hz,
+            settings=settings,
+        )
         viewer = ViewerProcess if config.viewer else None
         return SessionRecorder(
-            self.folder, info, rerun=config.recordings, open_viewer=viewer, lock=self.lock
+            self.folder,
+            info.before(screen, pacing),
+            rerun=config.recordings,
+            open_viewer=viewer,
+            lock=self.lock,
         )
 
     def _draw(self, recorder: SessionRecorder, progress: Progress) -> None:
@@ -209,17 +202,18 @@ def practise(
     screen_config: ScreenConfig,
     *,
     autocentre: float | None = DEFAULT_AUTOCENTRE,
+    markers: Markers | None = None,
 ) -> PracticeResult:
     """The practice drive, before a window of its own.
 
     Raises:
         SteerlabError: device or display cannot be used.
     """
-    with SdlEvents(window=True) as events:
-        device = open_device(spec, events, autocentre=autocentre)
-        device.connect()
-        try:
-            with DriveScreen(events, screen_config) as screen:
-                return Practice(screen=screen, device=device, poll=events.poll, config=config).run()
-        finally:
-            device.disconnect()
+    with seated(spec, screen_config, autocentre=autocentre) as seat:
+        return Practice(
+            screen=seat.screen,
+            device=seat.device,
+            poll=seat.events.poll,
+            config=config,
+            markers=markers,
+        ).run()

@@ -3,11 +3,16 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from steerlab.sim.errors import SteerlabError
+from steerlab.study.consent import NO_ENTRIES, ConsentEntries, ConsentRecord, ConsentText
 from steerlab.study.surveys.answer_format import Value
 from steerlab.study.surveys.questionnaire import Questionnaire
+
+if TYPE_CHECKING:
+    from steerlab.study.design import Design
+    from steerlab.study.erasing_reach import Reach
 
 
 class StudyError(SteerlabError):
@@ -53,6 +58,7 @@ class Phase:
         condition: the learner's key, of teaching phases and of questionnaires about one.
         questionnaires: keys, in order.
         text: of consent, instructions and debriefing pages; paragraphs.
+        rollouts: names of those that are corrected in a calibration phase, in order.
     """
 
     id: str
@@ -61,6 +67,7 @@ class Phase:
     condition: str | None = None
     questionnaires: tuple[str, ...] = ()
     text: tuple[str, ...] = ()
+    rollouts: tuple[str, ...] = ()
 
 
 class PhaseState(StrEnum):
@@ -145,7 +152,10 @@ class StudyCheck:
 
 
 class StudyAccess(Protocol):
-    """Reads and changes a study; every change is durable when its method returns."""
+    """Reads and changes a study; every change is durable when its method returns.
+
+    What takes a ``form``, a key of what asks for it, is done once for each key; None is no key.
+    """
 
     @property
     def title(self) -> str:
@@ -164,10 +174,10 @@ class StudyAccess(Protocol):
         """
         ...
 
-    def enrol(self, role: Role) -> ParticipantView:
+    def enrol(self, role: Role, *, form: str | None = None) -> ParticipantView:
         """Enrol the next participant; id and condition order are the program's choice.
 
-        The first enrolment freezes the protocol.
+        The first enrolment freezes the protocol. A key again gives the same participant.
         """
         ...
 
@@ -187,7 +197,11 @@ class StudyAccess(Protocol):
         ...
 
     def answers(self, participant: str, phase: str, questionnaire: str) -> Mapping[str, Value]:
-        """What was answered so far, by item."""
+        """What was answered so far, by item; see ``Questionnaire.counted`` for what counts of it."""
+        ...
+
+    def item_order(self, participant: str, phase: str, questionnaire: str) -> Sequence[str]:
+        """Ids of all items, in the order in which the participant sees them there."""
         ...
 
     def save_answer(
@@ -212,25 +226,38 @@ class StudyAccess(Protocol):
         """
         ...
 
-    def consent_text(self, participant: str) -> tuple[int, Sequence[str]]:
-        """Version and paragraphs: the newest, or those that the participant has decided on."""
+    def consent_text(self, participant: str) -> ConsentText:
+        """The newest text, or that which the participant has decided on."""
         ...
 
-    def consent(self, participant: str, *, given: bool, shown: int | None = None) -> None:
+    def consent_record(self, participant: str) -> ConsentRecord | None:
+        """The participant's decision; None before there is one, and when it is erased."""
+        ...
+
+    def consent(
+        self,
+        participant: str,
+        *,
+        given: bool,
+        shown: int | None = None,
+        entries: ConsentEntries = NO_ENTRIES,
+    ) -> None:
         """Record the decision, with version and hash of the text.
 
-        A yes finishes the consent phase; after a no the participant does nothing more.
+        A yes finishes the consent phase; after a no the participant does nothing more. Whoever
+        says to be too young has said no.
 
         Args:
             shown: version of the text that the decision was made on; None for the newest.
+            entries: what was entered beside it; a yes needs all that the text asks for.
 
         Raises:
-            StudyError: another text than the one shown is valid by now, or the opposite decision
-                was made before.
+            StudyError: another text than the one shown is valid by now, the opposite decision
+                was made before, or a yes lacks something.
         """
         ...
 
-    def note(self, participant: str | None, text: str) -> None:
+    def note(self, participant: str | None, text: str, *, form: str | None = None) -> None:
         """Keep a remark of the experimenter about a participant; None is about the study."""
         ...
 
@@ -238,8 +265,28 @@ class StudyAccess(Protocol):
         """Time in UTC and text of each remark."""
         ...
 
-    def redo(self, participant: str, phase: str) -> None:
-        """Open a finished phase again; what was recorded stays and no longer counts."""
+    def redo(
+        self,
+        participant: str,
+        phase: str,
+        *,
+        rollouts: Sequence[str] = (),
+        form: str | None = None,
+    ) -> None:
+        """Open a finished phase again; what was recorded stays and no longer counts.
+
+        Args:
+            rollouts: only these of a calibration phase, which keeps the others; none stands for
+                all.
+        """
+        ...
+
+    def drives(self, participant: str, phase: str) -> Mapping[str, str]:
+        """What was flagged, in words, of each finished rollout of a calibration phase."""
+        ...
+
+    def erasing_reaches(self, participant: str) -> "Reach":
+        """What else erasing a participant's data touches."""
         ...
 
     def withdraw(self, participant: str, *, erase: bool) -> None:
@@ -247,10 +294,14 @@ class StudyAccess(Protocol):
         ...
 
     def findings(self, participant: str | None) -> Sequence[StudyCheck]:
-        """Checks of the device and the timing of a participant's last session.
+        """Checks of a participant's pages, and of device and timing of their sessions.
 
         With None: of the whole study, its integrity and its completeness.
         """
+        ...
+
+    def design(self) -> "Design":
+        """How many were recruited, with which orders, and who dropped out."""
         ...
 
     def change_count(self) -> int:

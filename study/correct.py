@@ -16,6 +16,7 @@ from steerlab.study.calibration_session import (
 from steerlab.study.store.records import AttemptStatus
 from steerlab.study.store.store import STUDY_FILE, StudyStore
 from steerlab.teleop.attempt import SessionConfig
+from steerlab.teleop.markers import Markers
 from steerlab.teleop.screen.config import ScreenConfig
 
 
@@ -27,6 +28,7 @@ class CorrectConfig:
         rollouts: how many of the calibration set, from its first.
         viewer: also show the drives live in Rerun.
         pictures: draw the camera into the recordings when the session is over.
+        markers: told of each attempt and step; None for nobody.
     """
 
     participant: str
@@ -36,6 +38,7 @@ class CorrectConfig:
     pictures: bool = True
     screen: ScreenConfig = field(default_factory=ScreenConfig)
     session: SessionConfig = field(default_factory=SessionConfig)
+    markers: Markers | None = None
 
 
 def rollouts_left(folder: Path, participant: str, rollouts: list[Rollout]) -> list[Rollout]:
@@ -84,6 +87,7 @@ def correct(folder: Path, device_spec: str, config: CorrectConfig, progress: Pro
             pictures=config.pictures,
             screen=config.screen,
             session=config.session,
+            markers=config.markers,
         ),
     )
     return session.correct(device_spec, progress)

@@ -3,19 +3,24 @@
 import json
 import re
 import struct
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from errno import EACCES, EPERM, EROFS
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
+from zipfile import BadZipFile, ZipFile
 
 import pyarrow.parquet as pq
 
+from steerlab.sim.files.by_suffix import has_suffix
 from steerlab.sim.files.folder_lock import locked
+from steerlab.sim.files.shared_folder import entries_of, everything_in
 from steerlab.study.contract import StudyError
 from steerlab.study.store.people import Departure, read_departures
-from steerlab.study.store.store import STUDY_FILE, StudyStore
+from steerlab.study.store.store import DATABASE_FILES, STUDY_FILE, StudyStore
 
 DERIVED_LOCK = "derived.lock"
 """Held for a moment by whoever puts derived data in place, and by an erasure that removes them."""
@@ -23,9 +28,25 @@ _WAIT_S = 60.0
 ERASED_BEFORE = "erased_before"
 """In the ``summary.json`` of results: people whose data were gone when these were made."""
 
+EXPORT_COLUMN = "steerlab_study"
+"""The first column of every exported table, by which a file of one is told wherever it lies."""
+EXPORT_LABEL = "steerlab export"
+"""Begins the file label of an exported SPSS file and the comment of a packed export, and is a key in
+the schema of a Parquet file."""
+VIDEO_LABEL = "steerlab video of "
+"""Begins the comment in a video file of an attempt; the pseudonym follows."""
+_CSV_STARTS = tuple(f"{mark}{EXPORT_COLUMN}{mark}".encode() for mark in ("", '"'))
+_SPSS_START, _SPSS_LABEL_AT = b"$FL", 109
+_LONGEST_HEADER = 10_000_000  # bytes of what is said about a network or a video in its file
+
+_DAMAGED = (
+    *(OSError, ValueError, EOFError, BadZipFile, zlib.error, struct.error),
+    *(NotImplementedError, RuntimeError),  # a method or a password that no export has
+)
+"""What reading a damaged archive or Parquet file raises."""
+
 DERIVED = ("exports", "report")
 """Subfolders with nothing but what can be made anew from the database."""
-_DATABASE = (STUDY_FILE, f"{STUDY_FILE}-wal", f"{STUDY_FILE}-shm")
 
 
 class ErasedMeanwhile(StudyError):
@@ -71,7 +92,7 @@ class ErasureGuard:
 
     @contextmanager
     def reading(self) -> Iterator[None]:
-        """Read the study in this block; an error that comes of an erasure meanwhile says so.
+        """Read the study, or write what was made of it; an error that comes of an erasure says so.
 
         Raises:
             ErasedMeanwhile: in place of the block's own error.
@@ -111,14 +132,15 @@ def derived_files(folder: Path, known: Sequence[str]) -> list[Path]:
     """Files and folders in a study's folder that steerlab made from its data, wherever they lie.
 
     Told by content: results with a ``summary.json`` that names its verb, networks and policies,
-    label tables and Rerun recordings; and by name ``DERIVED`` and what a killed program left of them.
+    label tables, Rerun recordings, videos (.mp4), exported tables (.csv, .sav, .parquet) and
+    exports that the console packed (.zip); and by name ``DERIVED`` and what a killed program left of them.
 
     Args:
         known: names in ``folder`` that are kept or removed on other grounds.
     """
     made: list[Path] = []
     for path in sorted(folder.iterdir()):
-        if path.name in known or path.name in _DATABASE:
+        if path.name in known or path.name in DATABASE_FILES:
             continue
         hidden = path.name.startswith(tuple(f".{name}-" for name in DERIVED))
         if path.name in DERIVED or hidden:
@@ -133,7 +155,7 @@ def _made_by_us(path: Path) -> Iterator[Path]:
         if _summary(path) is not None or (path.name.startswith(".") and path.suffix == ".part"):
             yield path
             return
-        for child in sorted(path.iterdir()):
+        for child in entries_of(path):
             if not child.is_symlink():
                 yield from _made_by_us(child)
     elif path.is_file() and _kind(path):
@@ -143,29 +165,81 @@ def _made_by_us(path: Path) -> Iterator[Path]:
 def _summary(folder: Path) -> dict[str, Any] | None:
     """The ``summary.json`` of a folder of results; None if it holds none of ours."""
     try:
-        values = json.loads((folder / "summary.json").read_bytes())
-    except (OSError, ValueError, RecursionError):
+        return _of_ours((folder / "summary.json").read_bytes())
+    except OSError:
+        return None
+
+
+def _of_ours(summary: bytes) -> dict[str, Any] | None:
+    try:
+        values = json.loads(summary)
+    except (ValueError, RecursionError):
         return None
     return values if isinstance(values, dict) and "verb" in values else None
+
+
+def _packed_summary(path: Path) -> dict[str, Any] | None:
+    """The ``summary.json`` of an export that the console packed; None if it is no such .zip."""
+    try:
+        with ZipFile(path) as packed:
+            if not packed.comment.startswith(EXPORT_LABEL.encode()):
+                return None  # somebody's own archive, whatever is in it
+            names = [name for name in packed.namelist() if name.endswith("/summary.json")]
+            return next(filter(None, (_of_ours(packed.read(name)) for name in names)), None)
+    except _DAMAGED:
+        return None
 
 
 def _kind(path: Path) -> str | None:
     """What a single file of ours holds; None if it is not ours."""
     try:
         with path.open("rb") as file:
-            start = file.read(8)
+            start = file.read(_SPSS_LABEL_AT + len(EXPORT_LABEL))
+            if start.startswith(_CSV_STARTS):
+                return "exported table"
+            if start.startswith(_SPSS_START):
+                is_ours = start[_SPSS_LABEL_AT:] == EXPORT_LABEL.encode()
+                return "exported table" if is_ours else None
+            if start.startswith(b"PK\x03\x04"):
+                return "packed export" if _packed_summary(path) is not None else None
             if start.startswith(b"RRF"):
                 return "Rerun recording"
+            if _is_mp4(start):
+                return "video" if VIDEO_LABEL.encode() in _mp4_header(file) else None
             if start.startswith(b"PAR1"):
-                names = pq.read_schema(path).names
-                return "labels" if {"participant", "teacher_label"} <= {*names} else None
-            if path.suffix == ".safetensors" and len(start) == 8:
-                (length,) = struct.unpack("<Q", start)
-                header = file.read(length) if length < 10_000_000 else b""
+                schema = pq.read_schema(path)
+                exported = EXPORT_LABEL.encode() in (schema.metadata or {})
+                labels = {"participant", "teacher_label"} <= {*schema.names}
+                return "labels" if exported or labels else None
+            if has_suffix(path, ".safetensors") and len(start) >= 8:
+                (length,) = struct.unpack("<Q", start[:8])
+                file.seek(8)
+                header = file.read(length) if length < _LONGEST_HEADER else b""
                 return "network" if b'"steerlab"' in header else None
     except (OSError, ValueError):  # pyarrow's errors are among them
         return None
     return None
+
+
+def _is_mp4(start: bytes) -> bool:
+    return start[4:8] == b"ftyp"
+
+
+def _mp4_header(file: BinaryIO) -> bytes:
+    """The box that says what a video holds (ISO/IEC 14496-12); empty where there is none."""
+    at = 0
+    while True:
+        file.seek(at)
+        start = file.read(16)
+        size, kind = int.from_bytes(start[:4], "big"), start[4:8]
+        if size == 1:  # a box of 4 GiB or more has its size behind its kind
+            size = int.from_bytes(start[8:], "big")
+        if not 8 <= size < 1 << 62:
+            return b""
+        if kind == b"moov":
+            file.seek(at)
+            return file.read(size) if size < _LONGEST_HEADER else b""
+        at += size
 
 
 def left_of(folder: Path, participant: str) -> list[Path]:
@@ -173,16 +247,18 @@ def left_of(folder: Path, participant: str) -> list[Path]:
     named = re.compile(rf"(?<![A-Za-z0-9]){re.escape(participant)}(?![A-Za-z0-9])")
     inside = re.compile(named.pattern.encode())
     left: list[Path] = []
-    for path in sorted(folder.rglob("*")):
-        if not path.is_file() or path.is_symlink() or path.name in _DATABASE:
+    for path in everything_in(folder):
+        if not path.is_file() or path.is_symlink() or path.name in DATABASE_FILES:
             continue
         results = [s for parent in _above(path, folder) if (s := _summary(parent)) is not None]
+        if _kind(path) == "packed export" and (packed := _packed_summary(path)) is not None:
+            results.append(packed)
         if any(participant in summary.get(ERASED_BEFORE, ()) for summary in results):
             continue  # made without the person: it names them among those who are left out
         if (results or _kind(path)) and (
             named.search(path.name) or _holds(path, inside, participant)
         ):
-            left.append(path)
+            left += [path] if path.exists() else []  # its maker may have removed it by now
     return left
 
 
@@ -194,7 +270,29 @@ def _above(path: Path, folder: Path) -> Iterator[Path]:
 
 
 def _holds(path: Path, inside: re.Pattern[bytes], participant: str) -> bool:
-    if _kind(path) == "labels":
-        people = pq.read_table(path, columns=["participant"])["participant"]
+    """Whether somebody is in a file of ours; one that cannot be read may hold anybody."""
+    try:
+        if _kind(path) != "packed export":
+            return _mentions(path.read_bytes(), inside, participant)
+        with ZipFile(path) as packed:
+            return any(
+                inside.search(name.encode()) or _mentions(packed.read(name), inside, participant)
+                for name in packed.namelist()
+            )
+    except _DAMAGED:
+        return True
+
+
+def _mentions(content: bytes, inside: re.Pattern[bytes], participant: str) -> bool:
+    if content.startswith(b"PAR1"):
+        names = pq.read_schema(BytesIO(content)).names
+        if "participant" not in names:
+            return False
+        people = pq.read_table(BytesIO(content), columns=["participant"])["participant"]
         return participant in people.unique().to_pylist()
-    return inside.search(path.read_bytes()) is not None
+    if _is_mp4(content):  # of a picture's bytes some may look like a name
+        content = _mp4_header(BytesIO(content))
+    if content.startswith(_SPSS_START):  # its texts fill eights of bytes, without anything between
+        cell = participant.encode().ljust(-(-len(participant) // 8) * 8)
+        return cell in content or inside.search(content) is not None
+    return inside.search(content) is not None

@@ -1,24 +1,34 @@
 """Enrolling: the program chooses pseudonym and condition order, and the first freezes the protocol.
 
-Condition orders are all permutations, balanced within blocks, drawn by the protocol's seed.
+Condition orders are all permutations, balanced within blocks, drawn by the protocol's seed. The
+place of whoever declines or withdraws is given to the next, so that those who stay are balanced.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from hashlib import sha256
-from itertools import permutations
+from itertools import count, permutations
 from math import factorial
 
 from steerlab.sim.errors import unreadable
 from steerlab.sim.names import appearance
-from steerlab.study.contract import Role, StudyError
-from steerlab.study.protocol import ConsentText, StudyProtocol
-from steerlab.study.protocol_file import protocol_sha256, read_protocol_text
+from steerlab.study.consent import ConsentText
+from steerlab.study.contract import PhaseKind, Role, StudyError
+from steerlab.study.design import has_left
+from steerlab.study.models import frozen_model, training_people
+from steerlab.study.progress import everybody
+from steerlab.study.protocol import StudyProtocol
+from steerlab.study.protocol_file import PROTOCOL_FILE, protocol_sha256, read_protocol_text
+from steerlab.study.store.forms import result_of, take
 from steerlab.study.store.people import Enrolment, insert_enrolment, read_enrolments
 from steerlab.study.study_folder import OpenStudy
 
 
-def enrol(study: OpenStudy, role: Role) -> str:
+def enrol(study: OpenStudy, role: Role, form: str | None = None) -> str:
     """Enrol the next participant; programs that do so at once get different ones.
+
+    Args:
+        form: names the form that asks for it; asked for twice, it is done once.
 
     Returns:
         the pseudonym.
@@ -28,45 +38,72 @@ def enrol(study: OpenStudy, role: Role) -> str:
     """
     connection = study.store.connection
     with connection.transaction(f"enrol a {role} participant", durable=True):
+        if (already := result_of(connection, form)) is not None:
+            return already
         study.check_unchanged()
         versions = study.versions()
         version = versions[-1].version if versions else study.freeze("the first enrolment")
         protocol = study.protocol_of(version)
-        enrolled = read_enrolments(connection)
-        order, allocation = (), ""
-        if role is Role.TEST:
-            order, allocation = _next_order(protocol, enrolled)
-        participant = _next_pseudonym(study, protocol.prefix(role))
-        insert_enrolment(
-            connection,
-            Enrolment(
-                participant=participant,
-                role=role.value,
-                protocol_version=version,
-                allocation=allocation,
-                condition_order=order,
-            ),
+        if not any(role in phase.roles for phase in protocol.phases):
+            raise StudyError(
+                f"{PROTOCOL_FILE} has no phase for {role} participants, so none is enrolled."
+            )
+        enrolment = Enrolment(
+            participant=_next_pseudonym(study, protocol.prefix(role)),
+            role=role.value,
+            protocol_version=version,
         )
-    return participant
+        if role is Role.TEST:
+            check_network_first(study, protocol)
+            enrolment = _with_order(enrolment, protocol, _staying(study))
+        insert_enrolment(connection, enrolment)
+        take(connection, form, enrolment.participant)
+    return enrolment.participant
 
 
-def _next_order(protocol: StudyProtocol, enrolled: list[Enrolment]) -> tuple[tuple[str, ...], str]:
-    """The next test participant's order, and its allocation: what it is drawn from.
+def check_network_first(study: OpenStudy, protocol: StudyProtocol) -> None:
+    """Test participants need a network, or that one can be trained.
 
-    Participants of equal allocation share blocks. The order of a participant who leaves is given
-    to nobody else: handing it on would make the order depend on who stays.
+    Raises:
+        StudyError: there is none, too few training participants have finished, and the protocol
+            does not let test participants come first.
     """
+    needs_w = any(phase.kind is PhaseKind.CALIBRATE_W for phase in protocol.phases)
+    if not (needs_w and protocol.design.network_first) or frozen_model(study) is not None:
+        return
+    finished, fewest = len(training_people(study)), protocol.mapper.minimum_people
+    if finished < fewest:
+        raise StudyError(
+            f"No test participant can be enrolled yet: they teach with the network, for which "
+            f"{fewest} training participants must have finished (mapper.minimum_people), and "
+            f"{finished} have. Run {fewest - finished} more first, or let test participants come "
+            f"before with design.network_first = false in {PROTOCOL_FILE}."
+        )
+
+
+def _with_order(
+    enrolment: Enrolment, protocol: StudyProtocol, staying: Sequence[Enrolment]
+) -> Enrolment:
+    """Draw the order of the first place in the blocks that nobody has who stays."""
     keys = tuple(condition.key for condition in protocol.conditions)
     seed, block_size = protocol.seed, protocol.block_size
     allocation = f"seed {seed}, blocks of {block_size}: {', '.join(keys)}"
-    index = sum(person.role == Role.TEST and person.allocation == allocation for person in enrolled)
-    return order_at(keys, seed=seed, block_size=block_size, index=index), allocation
+    taken = {one.place for one in staying if one.allocation == allocation}
+    place = next(place for place in count() if place not in taken)
+    order = order_at(keys, seed=seed, block_size=block_size, index=place)
+    return replace(enrolment, allocation=allocation, place=place, condition_order=order)
+
+
+def _staying(study: OpenStudy) -> list[Enrolment]:
+    """Enrolments of all who have neither declined nor withdrawn."""
+    stays = {one.view.id for one in everybody(study) if not has_left(one.view.standing)}
+    return [one for one in read_enrolments(study.store.connection) if one.participant in stays]
 
 
 def order_at(
     conditions: Sequence[str], *, seed: int, block_size: int, index: int
 ) -> tuple[str, ...]:
-    """The order of the ``index``-th test participant, from 0.
+    """The order of the ``index``-th place, from 0.
 
     Each block holds every order equally often, shuffled. A cyclic Latin square would balance
     positions only: with all orders, each condition also follows each other equally often.
@@ -136,9 +173,9 @@ def amend(study: OpenStudy, why: str) -> int:
 
 
 def _check_consent(now: ConsentText, before: list[ConsentText]) -> None:
-    """A version of the consent text says which words somebody agreed to, so it names one text."""
+    """A version of the consent text says what somebody agreed to, so it names one text."""
     same = [text for text in before if text.version == now.version]
-    if same and same[0].text != now.text:
+    if same and same[0] != now:
         raise StudyError(
             f"The consent text was changed and is still called version {now.version}; "
             f"set consent.version to {max(text.version for text in before) + 1}."

@@ -1,6 +1,5 @@
 """The network that is trained on training participants and frozen, and each test person's w."""
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from hashlib import sha256
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 import pyarrow as pa
 
 from steerlab.learning.series import LabelSeries, series_from_table
+from steerlab.sim.files.shared_folder import remove
 from steerlab.sim.files.whole_file import rename_durably, whole_file, workspace
 from steerlab.sim.progress import Progress
 from steerlab.study.contract import PhaseKind, PhaseState, Role, Standing, StudyError
@@ -40,12 +40,12 @@ def training_people(study: OpenStudy) -> list[ParticipantProgress]:
     """Training participants who finished, or who left their data after they had calibrated."""
     people: list[ParticipantProgress] = []
     for person in everybody(study):
-        phase = person.of_kind(PhaseKind.CALIBRATION)
+        calibrations = [state for phase, state in person.view.phases if phase.rollouts]
         if (
             person.view.role is Role.TRAINING
             and person.view.standing in (Standing.FINISHED, Standing.WITHDRAWN_KEPT)
-            and phase is not None
-            and person.state(phase.id) is PhaseState.DONE
+            and calibrations
+            and all(state is PhaseState.DONE for state in calibrations)
         ):
             people.append(person)
     return people
@@ -93,12 +93,12 @@ def train(study: OpenStudy, progress: Progress) -> FrozenModel:
     mapper = MindMeldMapper(
         config, seed=seed, on_epoch=lambda done, all_: progress("training the network", done / all_)
     )
-    mapper.fit(series)
-    names = [person.view.id for person in people]
-    inputs = _fingerprint(series)
     folder = study.folder / MODELS
     folder.mkdir(exist_ok=True)
-    with workspace(folder / "mind_meld") as room:
+    names = [person.view.id for person in people]
+    inputs = _fingerprint(series)
+    with workspace(folder / "mind_meld") as room:  # first: training takes long
+        mapper.fit(series)
         part = room / "mind_meld.safetensors"
         save_mapper(mapper, part)
         digest = sha256(part.read_bytes()).hexdigest()
@@ -140,7 +140,7 @@ def calibrate_participant(
     """
     model = frozen_model(study) or train(study, progress)
     person = progress_of(study, participant)
-    missing = set(person.protocol.rollouts) - set(finished_rollouts(study, person))
+    missing = set(person.rollouts) - set(finished_rollouts(study, person))
     if missing:
         raise StudyError(
             f"{participant} has not corrected {', '.join(sorted(missing))} yet; finish that first."
@@ -185,9 +185,9 @@ def remove_models_of(study: OpenStudy, participant: str) -> None:
     in_use = frozen_model(study)
     keep = Path(in_use.file).stem if in_use is not None else None
     for path in sorted((study.folder / MODELS).glob("*")):  # hidden parts too
-        known = path.name.endswith((".safetensors", ".part"))
+        known = path.name.casefold().endswith((".safetensors", ".part"))
         if known and (keep is None or not path.name.startswith(keep)):
-            shutil.rmtree(path) if path.is_dir() else path.unlink()  # a workspace, or a file
+            remove(path)  # a workspace of somebody who is at work, or a file
 
 
 def renew(study: OpenStudy, progress: Progress) -> None:

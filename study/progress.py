@@ -36,6 +36,7 @@ _STATES = {
     PhaseAct.SKIPPED: PhaseState.SKIPPED,
     PhaseAct.REOPENED: PhaseState.WAITING,
 }
+_ROLLOUTS = "rollouts: "
 _LEFT = {
     Departure.KEPT: Standing.WITHDRAWN_KEPT,
     Departure.ERASING: Standing.ERASING,
@@ -72,6 +73,11 @@ class ParticipantProgress:
             )
         return phases[phase]
 
+    @property
+    def rollouts(self) -> tuple[str, ...]:
+        """Names of all that the participant is to correct, in order."""
+        return tuple(name for phase, _ in self.view.phases for name in phase.rollouts)
+
     def of_kind(self, kind: PhaseKind) -> Phase | None:
         """The first phase of that kind."""
         return next((phase for phase, _ in self.view.phases if phase.kind is kind), None)
@@ -80,10 +86,26 @@ class ParticipantProgress:
         """How often a phase was reopened."""
         return sum(act.act is PhaseAct.REOPENED for act in self.acts.get(phase, ()))
 
-    def first_attempt(self, phase: str) -> int:
-        """The ``order_index`` from which on attempts count, since the phase was last reopened."""
-        reopened = [act for act in self.acts.get(phase, ()) if act.act is PhaseAct.REOPENED]
+    def first_attempt(self, phase: str, rollout: str) -> int:
+        """The ``order_index`` from which on attempts count, since the rollout was last reopened."""
+        reopened = [
+            act
+            for act in self.acts.get(phase, ())
+            if act.act is PhaseAct.REOPENED and rollout in (reopened_rollouts(act) or (rollout,))
+        ]
         return reopened[-1].first_attempt if reopened else 0
+
+
+def reopened_detail(rollouts: Sequence[str]) -> str:
+    """The detail of an act that reopens these rollouts of a phase; empty for the whole phase."""
+    return f"{_ROLLOUTS}{', '.join(rollouts)}" if rollouts else ""
+
+
+def reopened_rollouts(act: PhaseEvent) -> tuple[str, ...]:
+    """Names of the rollouts that were reopened; none if the whole phase was."""
+    if not act.detail.startswith(_ROLLOUTS):
+        return ()
+    return tuple(act.detail.removeprefix(_ROLLOUTS).split(", "))
 
 
 def progress_of(study: OpenStudy, participant: str) -> ParticipantProgress:
@@ -156,25 +178,42 @@ def finished_rollouts(
     Args:
         attempts: everybody's finished attempts; None reads them, which is slow for many people.
     """
-    phase = progress.of_kind(PhaseKind.CALIBRATION)
-    if phase is None:
+    first = {
+        name: progress.first_attempt(phase.id, name)
+        for phase, _ in progress.view.phases
+        for name in phase.rollouts
+    }
+    if not first:
         return {}
-    first = progress.first_attempt(phase.id)
     if attempts is None:
         attempts = study.store.attempts(AttemptStatus.FINISHED)
     return {
         attempt.rollout: attempt  # the last one stays
         for attempt in attempts
         if attempt.participant == progress.view.id
-        and attempt.order_index >= first
-        and attempt.rollout in progress.protocol.rollouts
+        and attempt.rollout in first
+        and attempt.order_index >= first[attempt.rollout]
     }
 
 
 def answers_of(
     study: OpenStudy, progress: ParticipantProgress, phase: str
 ) -> dict[str, dict[str, Value]]:
-    """The answers in a phase that count, by questionnaire and item."""
+    """The answers of a phase that count, by questionnaire and item.
+
+    An answer to an item that later answers have hidden does not count; it is kept all the same.
+    """
+    known = study.questionnaires
+    return {
+        key: known[key].counted(given) if key in known else given
+        for key, given in given_answers(study, progress, phase).items()
+    }
+
+
+def given_answers(
+    study: OpenStudy, progress: ParticipantProgress, phase: str
+) -> dict[str, dict[str, Value]]:
+    """The newest answers of a phase, by questionnaire and item, also to what is hidden by now."""
     newest: dict[str, dict[str, Response]] = {}
     for response in read_responses(study.store.connection, progress.view.id, phase):
         if response.phase_run == progress.phase_run(phase):
@@ -257,11 +296,14 @@ def _in_words(records: _Records, progress: ParticipantProgress) -> str:
         return ""
     if phase.kind is PhaseKind.CALIBRATION:
         finished = finished_rollouts(study, progress, records.finished)
-        return f"{len(finished)} of {len(progress.protocol.rollouts)} rollouts"
+        done = sum(name in finished for name in phase.rollouts)
+        return f"{done} of {len(phase.rollouts)} rollouts"
     if phase.kind is PhaseKind.QUESTIONNAIRES:
-        asked = sum(len(study.questionnaires[key].items) for key in phase.questionnaires)
-        given = sum(map(len, answers_of(study, progress, phase.id).values()))
-        return f"{given} of {asked} answers"
+        given = answers_of(study, progress, phase.id)
+        asked = [
+            study.questionnaires[key].shown(given.get(key, {})) for key in phase.questionnaires
+        ]
+        return f"{sum(map(len, given.values()))} of {sum(map(len, asked))} answers"
     if phase.kind is PhaseKind.TEACH:
         taught = read_taught(study.store.connection, progress.view.id, phase.id)
         return f"{len(taught)} of {progress.protocol.demonstrations + 1} drives"

@@ -9,7 +9,10 @@ from typing import Literal
 
 from steerlab.sim.camera_config import View
 from steerlab.sim.errors import InvalidValue, check_words
+from steerlab.study.consent import ConsentText
 from steerlab.study.contract import Phase, PhaseKind, Role
+from steerlab.study.design import DesignPlan
+from steerlab.study.surveys.questionnaire import Language
 from steerlab.study.teaching.conditions import TAUGHT
 from steerlab.teleop.devices.force_feedback import DEFAULT_AUTOCENTRE
 from steerlab.teleop.screen.config import ScreenConfig
@@ -18,6 +21,7 @@ from steerlab.teleop.timing_limits import GateConfig
 CONDITIONS = tuple(TAUGHT)
 """What test participants can teach with; the paper compares the first three."""
 MOST_CONDITIONS = 4  # 24 orders; more would need blocks that no study fills
+LONGEST_PRACTICE_MIN = 240.0
 CORRECTIONS = ("holm", "bh", "none")
 TASKS = ("easy", "slalom", "hard")  # of ``sim.tasks``, whose import takes a second
 _GENERATED_TASK = re.compile(r"generated-\d{1,6}")
@@ -26,47 +30,43 @@ _PHASE_ID_RULE = "lower-case letters, digits, - and _, starting with a letter, 3
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ConsentText:
-    """What participants agree to; a changed text needs a new version."""
-
-    version: int
-    text: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        if self.version < 1:
-            raise InvalidValue("version", self.version, "a whole number from 1")
-        if not self.text or not all(paragraph.strip() for paragraph in self.text):
-            raise InvalidValue("text", list(self.text), "one or more paragraphs, none blank")
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class PracticePlan:
-    """The practice drive: how many balls to reach, with pedals or at cruise speed, in what time.
+    """The practice drive: how much of it, with pedals or at cruise speed, in what time.
 
     Attributes:
+        balls: it is over when so many were reached,
+        minutes: or after so much driving, whichever comes first; None: only the balls count.
         time_limit_s: for each ball.
     """
 
     balls: int = 5
+    minutes: float | None = None
     pedals: bool = True
     time_limit_s: float = 120.0
 
     def __post_init__(self) -> None:
         if self.balls < 1:
             raise InvalidValue("balls", self.balls, "at least 1")
+        if self.minutes is not None and not 0.0 < self.minutes <= LONGEST_PRACTICE_MIN:
+            allowed = f"above 0, and at most {LONGEST_PRACTICE_MIN:g}"
+            raise InvalidValue("minutes", self.minutes, allowed)
         if not self.time_limit_s > 0.0:
             raise InvalidValue("time_limit_s", self.time_limit_s, "positive")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DisplayPlan:
-    """What is shown on the screen; the same for all, since labels may depend on it."""
+    """What is shown and heard; the same for all, since labels may depend on it.
+
+    ``width`` and ``height`` are those of a window, where it is not the full screen.
+    """
 
     show_agent_wheel: bool = False
-    view: View = "front"
+    view: View = "driver"
     width: int = 960
     height: int = 540
-    full_screen: bool = False
+    full_screen: bool = True
+    sound: bool = True
     text_scale: float = 1.0
     countdown_s: float = 3.0
 
@@ -85,6 +85,7 @@ class DisplayPlan:
             width=self.width,
             height=self.height,
             full_screen=self.full_screen,
+            sound=self.sound,
             view=self.view,
             text_scale=self.text_scale,
         )
@@ -234,6 +235,7 @@ class PhasePlan:
     Attributes:
         id: unique; teaching phases get ``-1``, ``-2``, ... in the participant's order.
         after: questionnaires that follow each condition of a teaching phase.
+        rollouts: what a calibration phase has of the protocol's; none stands for all.
     """
 
     id: str
@@ -243,6 +245,7 @@ class PhasePlan:
     questionnaires: tuple[str, ...] = ()
     after: tuple[str, ...] = ()
     text: tuple[str, ...] = ()
+    rollouts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not _PHASE_ID.fullmatch(self.id):
@@ -260,7 +263,10 @@ class PhasePlan:
         if reads != bool(self.text):
             allowed = "one or more paragraphs" if reads else f"left out: {self.kind} has no text"
             raise InvalidValue("text", list(self.text), allowed)
-        for name in ("questionnaires", "after"):
+        if self.rollouts and self.kind is not PhaseKind.CALIBRATION:
+            allowed = f"left out: a {self.kind} phase has none"
+            raise InvalidValue("rollouts", list(self.rollouts), allowed)
+        for name in ("questionnaires", "after", "rollouts"):
             keys = getattr(self, name)
             if len(set(keys)) != len(keys):
                 raise InvalidValue(name, list(keys), "keys that differ")
@@ -274,10 +280,11 @@ class StudyProtocol:
     """All that is decided about a study before its first participant.
 
     Attributes:
-        seed: of the condition orders, the practice worlds and the training.
+        seed: of the condition orders, the orders of items, the practice worlds and the training.
         rollouts: names of the calibration rollouts, in the order in which they are corrected.
         demonstrations: rounds of each condition, after its first drive; N in the paper's Algorithm 1.
         block_size: condition orders are balanced within each block of so many test participants.
+        language: of the participants' pages, and of every questionnaire that is asked.
         training_prefix, test_prefix: of the pseudonyms.
     """
 
@@ -289,8 +296,10 @@ class StudyProtocol:
     conditions: tuple[Condition, ...]
     block_size: int
     demonstrations: int = 12
+    language: Language = "en"
     training_prefix: str = "T"
     test_prefix: str = "P"
+    design: DesignPlan = field(default_factory=DesignPlan)
     practice: PracticePlan = field(default_factory=PracticePlan)
     display: DisplayPlan = field(default_factory=DisplayPlan)
     wheel: WheelPlan = field(default_factory=WheelPlan)
@@ -329,6 +338,9 @@ class StudyProtocol:
                     title=plan.title,
                     questionnaires=plan.questionnaires,
                     text=plan.text,
+                    rollouts=(plan.rollouts or self.rollouts)
+                    if plan.kind is PhaseKind.CALIBRATION
+                    else (),
                 )
             )
         return tuple(phases)

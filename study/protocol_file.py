@@ -1,7 +1,7 @@
 """Reading ``study.toml`` into a ``StudyProtocol``; errors name the line that is wrong."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from hashlib import sha256
 from math import factorial
@@ -19,17 +19,17 @@ from steerlab.sim.files.structured import (
     versioned,
     within_file,
 )
+from steerlab.sim.names import appearance
 from steerlab.study.contract import PhaseKind, Role, StudyError
-from steerlab.study.protocol import MOST_CONDITIONS, StudyProtocol, teach_ids
+from steerlab.study.protocol import MOST_CONDITIONS, PhasePlan, StudyProtocol, teach_ids
 from steerlab.study.surveys.questionnaire import Questionnaire
 from steerlab.study.surveys.questionnaire_file import all_questionnaires
+from steerlab.study.teaching.conditions import TAUGHT
 
 PROTOCOL_FILE, QUESTIONNAIRES = "study.toml", "questionnaires"
 FORMAT = 1
 _PREFIX = re.compile(r"[A-Z]{1,4}")
-_NEEDS = {PhaseKind.CALIBRATE_W: PhaseKind.CALIBRATION, PhaseKind.TEACH: PhaseKind.CALIBRATE_W}
-"""The kind of phase that must come before a phase of this kind."""
-_ONCE = (PhaseKind.CONSENT, PhaseKind.CALIBRATION, PhaseKind.CALIBRATE_W)
+_ONCE = (PhaseKind.CONSENT, PhaseKind.CALIBRATE_W)
 
 
 def protocol_sha256(text: str) -> str:
@@ -114,6 +114,14 @@ def _check(protocol: StudyProtocol, questionnaires: Mapping[str, Questionnaire])
                     allowed = f"one of {one_of(sorted(questionnaires), key)}, or have a file "
                     allowed += f"{QUESTIONNAIRES}/{key}.toml beside {PROTOCOL_FILE}"
                     raise InvalidValue(f"phases[{number}].{name}[{index}]", key, allowed)
+                if (spoken := questionnaires[key].language) != protocol.language:
+                    allowed = (
+                        f"a questionnaire in the protocol's language ({protocol.language!r}); it is "
+                        f"in {spoken!r}: ask a translation under another key, such as "
+                        f"{QUESTIONNAIRES}/{key}_{protocol.language}.toml with language = "
+                        f"{protocol.language!r}, or set the protocol's language to {spoken!r}"
+                    )
+                    raise InvalidValue(f"phases[{number}].{name}[{index}]", key, allowed)
 
 
 def _check_rollouts(protocol: StudyProtocol) -> None:
@@ -157,21 +165,56 @@ def _check_phases(protocol: StudyProtocol) -> None:
 
 
 def _check_sequence(protocol: StudyProtocol, role: Role) -> None:
-    """Consent comes first, each phase after what it needs, and some kinds only once."""
+    """Consent comes first, each phase after what it needs, and some kinds only once.
+
+    Every rollout of the protocol is corrected in one calibration phase, if there is any.
+    """
     seen: list[PhaseKind] = []
+    corrected: list[str] = []
+    mapped = [one.key for one in protocol.conditions if TAUGHT[one.key].needs_w]
+    titles: dict[str, str] = {}
     for number, phase in enumerate(protocol.phases):
         if role not in phase.roles:
             continue
+        title = titles.setdefault(appearance(phase.title), phase.id)
+        if title != phase.id:
+            allowed = f"another one: it looks like that of {title!r}, and people read both"
+            raise InvalidValue(f"phases[{number}].title", phase.title, allowed)
         where = f"phases[{number}].kind"
         if not seen and phase.kind is not PhaseKind.CONSENT:
             allowed = f"consent: it must be the first phase of {role} participants"
             raise InvalidValue(where, phase.kind.value, allowed)
         if phase.kind in _ONCE and phase.kind in seen:
             raise InvalidValue(where, phase.kind.value, f"once among the phases of {role}")
-        if phase.kind in _NEEDS and _NEEDS[phase.kind] not in seen:
-            allowed = f"after a phase of kind {_NEEDS[phase.kind]}"
+        if phase.kind is PhaseKind.TEACH and mapped and PhaseKind.CALIBRATE_W not in seen:
+            allowed = f"after a phase of kind calibrate_w, which {', '.join(mapped)} needs"
             raise InvalidValue(where, phase.kind.value, allowed)
+        if phase.kind is PhaseKind.CALIBRATION:
+            if PhaseKind.CALIBRATE_W in seen:
+                raise InvalidValue(where, phase.kind.value, "before the phase of kind calibrate_w")
+            corrected += _corrected_in(phase, protocol, corrected, f"phases[{number}].rollouts")
+        if phase.kind is PhaseKind.CALIBRATE_W and not corrected:
+            raise InvalidValue(where, phase.kind.value, "after a phase of kind calibration")
         seen.append(phase.kind)
-    if PhaseKind.CALIBRATION not in seen:
-        allowed = f"phases with one of kind calibration for {role} participants"
-        raise InvalidValue("phases", f"{len(seen)} phases for {role}", allowed)
+    if not {PhaseKind.CALIBRATION, PhaseKind.TEACH} & set(seen):
+        allowed = f"phases with one of kind calibration or teach for {role} participants"
+        if seen or not protocol.phases:  # a role without any phase takes no part
+            raise InvalidValue("phases", f"{len(seen)} phases for {role}", allowed)
+    if corrected and (left := [name for name in protocol.rollouts if name not in corrected]):
+        allowed = f"left out, or corrected by {role} participants in some phase of kind calibration"
+        raise InvalidValue("rollouts", left, allowed)
+
+
+def _corrected_in(
+    phase: PhasePlan, protocol: StudyProtocol, before: Sequence[str], path: str
+) -> tuple[str, ...]:
+    """The rollouts of a calibration phase: some of the protocol's, and none twice."""
+    names = phase.rollouts or protocol.rollouts
+    for index, name in enumerate(names):
+        if name not in protocol.rollouts:
+            allowed = f"one of {', '.join(protocol.rollouts)}"
+            raise InvalidValue(f"{path}[{index}]", name, allowed)
+        if name in before:
+            allowed = "names that no earlier calibration phase has"
+            raise InvalidValue(path, name, allowed)
+    return names

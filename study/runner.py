@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass, field
 from shlex import quote
+from time import perf_counter_ns
 from typing import Protocol
 
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.files.folder_lock import RUN_LOCK, FolderLock, locked
+from steerlab.sim.language import speak
 from steerlab.sim.progress import Progress
 from steerlab.study.calibration_session import (
     CalibrationSession,
@@ -14,15 +16,19 @@ from steerlab.study.calibration_session import (
 )
 from steerlab.study.contract import PAGES, Phase, PhaseKind, PhaseState, Role, StudyError
 from steerlab.study.enrolment import enrol
+from steerlab.study.practice_record import Practised
 from steerlab.study.progress import ParticipantProgress, finished_rollouts, progress_of
 from steerlab.study.protocol import StudyProtocol
 from steerlab.study.scripted_practice import practise_scripted
 from steerlab.study.store.people import PhaseAct, insert_phase_event
 from steerlab.study.study_folder import OpenStudy
+from steerlab.study.teaching.conditions import TAUGHT
 from steerlab.study.teaching.contract import UNAVAILABLE, Teachings, TeachRequest
 from steerlab.teleop.attempt import SessionConfig
 from steerlab.teleop.devices.contract import Device, InputKind
+from steerlab.teleop.markers import Markers
 from steerlab.teleop.practice import PracticeConfig
+from steerlab.teleop.screen.config import WindowChoice
 from steerlab.teleop.session import SessionEnd
 
 
@@ -45,16 +51,20 @@ class RunConfig:
     Attributes:
         device: a specification, or a script's device itself.
         phase: only this one; None goes on as far as there is something to do at the wheel.
+        window: what was chosen for this computer.
         pages: fills pages; None leaves them to the browser.
         teachings: who can do teaching phases, by condition.
+        markers: told of each phase, attempt and step; None for nobody.
     """
 
     device: str | Device
     phase: str | None = None
     viewer: bool = False
     recordings: bool = True
+    window: WindowChoice = field(default_factory=WindowChoice)
     pages: PageFiller | None = None
     teachings: Teachings = field(default_factory=dict)
+    markers: Markers | None = None
     progress: Progress = lambda what, share: None
 
 
@@ -81,7 +91,7 @@ def run(study: OpenStudy, participant: str, config: RunConfig) -> RunReport:
         SteerlabError: device, display or disk; what is finished stays.
     """
     study.check_unchanged()
-    with locked(study.folder, RUN_LOCK, "runs") as lock:
+    with locked(study.folder, RUN_LOCK, "runs", about=participant) as lock:
         return _run(study, participant, config, lock)
 
 
@@ -139,7 +149,7 @@ def _run(study: OpenStudy, participant: str, config: RunConfig, lock: FolderLock
             )
         if phase is None or (phase.kind in PAGES and config.pages is None):
             return RunReport(lines=tuple(lines), waiting=phase)
-        done, line = _Phase(study, place, phase, config, lock).run()
+        done, line = _Phase(study, place, phase, config, lock).run_marked()
         lines.append(f"{phase.title}: {line}")
         if not done:
             return RunReport(lines=tuple(lines), waiting=phase)
@@ -155,8 +165,25 @@ class _Phase:
     config: RunConfig
     lock: FolderLock
 
-    def run(self) -> tuple[bool, str]:
-        """Whether it is over now, and what came of it."""
+    def run_marked(self) -> tuple[bool, str]:
+        """Whether it is over now, and what came of it; its begin and end are marked."""
+        speak(self.place.protocol.language)
+        self._mark("phase_begin")
+        how = "failed"
+        try:
+            done, line = self._run()
+            how = "done" if done else "stopped"
+        finally:
+            self._mark("phase_end", how=how)
+        return done, line
+
+    def _mark(self, what: str, **details: str) -> None:
+        if self.config.markers is not None:
+            who, phase = self.place.view.id, self.phase
+            about = {"participant": who, "phase": phase.id, "kind": phase.kind.value}
+            self.config.markers.mark(what, perf_counter_ns(), **about, **details)
+
+    def _run(self) -> tuple[bool, str]:
         if self.phase.kind in PAGES:
             assert self.config.pages is not None
             self.config.pages.fill(self.study, self.place, self.phase)
@@ -179,20 +206,27 @@ class _Phase:
         self._start()
         config = PracticeConfig(
             balls=protocol.practice.balls,
+            driven_s=None if (minutes := protocol.practice.minutes) is None else 60.0 * minutes,
             pedals=protocol.practice.pedals,
             seed=protocol.seed,
             time_limit_s=protocol.practice.time_limit_s,
             countdown_s=protocol.display.countdown_s,
+            after=self._after(),
         )
         if isinstance(device, str) and kind != InputKind.SCRIPTED:
-            screen, autocentre = protocol.display.screen(), protocol.wheel.strength
-            result = practise(device, config, screen, autocentre=autocentre)
+            screen = self.config.window.of(protocol.display.screen())
+            autocentre = protocol.wheel.strength
+            result = practise(
+                device, config, screen, autocentre=autocentre, markers=self.config.markers
+            )
         else:
             result = practise_scripted(config)
-        said = f"{result.balls} balls reached, {result.crashes} blocks hit"
-        if result.stopped:
-            return False, f"stopped; {said}"
-        return self._end(PhaseAct.DONE, said)
+        reached = Practised.of(result)
+        if result.stopped:  # what this sitting reached; the next one begins anew
+            self._record(self.phase, PhaseAct.STARTED, reached.detail)
+            return False, f"stopped; {reached}"
+        self._record(self.phase, PhaseAct.DONE, reached.detail)
+        return True, str(reached)
 
     def _calibration(self) -> tuple[bool, str]:
         self._start()
@@ -203,20 +237,22 @@ class _Phase:
             folder=self.study.folder,
             participant=view.id,
             role=view.role.value,
-            left=[by_name[name] for name in protocol.rollouts if name not in finished],
-            total=len(protocol.rollouts),
+            left=[by_name[name] for name in self.phase.rollouts if name not in finished],
+            total=len(self.phase.rollouts),
             config=CalibrationSessionConfig(
                 viewer=self.config.viewer,
                 recordings=self.config.recordings,
                 pictures=False,  # a participant would wait for them; replay draws them
                 autocentre=protocol.wheel.strength,
-                screen=protocol.display.screen(),
+                screen=self.config.window.of(protocol.display.screen()),
                 session=SessionConfig(
                     countdown_s=protocol.display.countdown_s,
                     show_agent_wheel=protocol.display.show_agent_wheel,
                     gates=protocol.gates,
+                    after=self._after(),
                 ),
                 settings=self._settings(),
+                markers=self.config.markers,
             ),
             lock=self.lock,
         )
@@ -227,9 +263,9 @@ class _Phase:
         return self._end(PhaseAct.DONE, said)
 
     def _calibrate_w(self) -> tuple[bool, str]:
+        self._start()  # first: the console begins by itself what has not begun
         from steerlab.study.models import calibrate_participant  # torch: seconds to import
 
-        self._start()
         found = calibrate_participant(self.study, self.place.view.id, self.config.progress)
         said = f"w from network {found.model_sha256[:12]}"
         if found.outside:
@@ -244,8 +280,8 @@ class _Phase:
             return self._skip(f"teaching with {phase.condition} is {UNAVAILABLE}")
         from steerlab.study.models import frozen_model, person_file
 
-        model = frozen_model(self.study)
-        if model is None:
+        model = frozen_model(self.study) if TAUGHT[phase.condition].needs_w else None
+        if model is None and TAUGHT[phase.condition].needs_w:
             raise StudyError(f"The network of {view.id} was removed; train it again first.")
         self._start()
         taught = teaching.teach(
@@ -254,18 +290,26 @@ class _Phase:
                 participant=view.id,
                 phase=phase,
                 protocol=self.place.protocol,
-                mapper=person_file(self.study, model, view.id),
+                mapper=None if model is None else person_file(self.study, model, view.id),
                 device=self.config.device,
                 lock=self.lock,
                 progress=self.config.progress,
                 viewer=self.config.viewer,
                 recordings=self.config.recordings,
+                window=self.config.window,
                 settings=self._settings(),
+                markers=self.config.markers,
+                after=self._after(),
             )
         )
         if not taught.finished:
             return False, taught.detail
         return self._end(PhaseAct.DONE, taught.detail)
+
+    def _after(self) -> str:
+        """The title of what comes next for the participant; empty if nothing does."""
+        left = [one for one, state in self.place.view.phases if not state.over]
+        return next((one.title for one in left if one.id != self.phase.id), "")
 
     def _settings(self) -> dict[str, str]:
         """Kept with the session at the wheel."""

@@ -9,7 +9,7 @@ from steerlab.sim.populations import LONGEST_SEED, PopulationKind, sample_popula
 from steerlab.sim.rollout import Outcome
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.study.contract import Phase, PhaseKind, StudyError
-from steerlab.study.pages import consent, save_answer, submit
+from steerlab.study.pages import consent, consent_text, save_answer, submit
 from steerlab.study.planted_effects import PlantedEffect, check_effects
 from steerlab.study.progress import ParticipantProgress
 from steerlab.study.protocol import StudyProtocol
@@ -90,7 +90,8 @@ class ScriptedParticipant:
         """
         participant = progress.view.id
         if phase.kind is PhaseKind.CONSENT:
-            consent(study, participant, given=True)
+            agreed = consent_text(study, participant).agreed
+            consent(study, participant, given=True, entries=agreed)
             return
         asked = {key: study.questionnaires[key] for key in progress.protocol.questionnaires}
         check_effects(self.effects, asked)

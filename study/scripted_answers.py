@@ -107,7 +107,7 @@ class ScriptedRespondent:
     def answers(
         self, questionnaire: Questionnaire, *, phase: str = "", success: float | None = None
     ) -> dict[str, Value]:
-        """All answers to a questionnaire, in the order of its page.
+        """All answers to a questionnaire, in the order of its file.
 
         Args:
             phase: such as ``post-2``.
@@ -164,7 +164,9 @@ def answers(
     traits: Mapping[str, float] | None = None,
     success: float | None = None,
 ) -> dict[str, Value]:
-    """Answers to a questionnaire, in the order of its page; each is one that it allows.
+    """Answers to the items of a questionnaire that they show, in file order; each is allowed.
+
+    Attention checks are answered rightly.
 
     Args:
         traits: the person's, by scale; drawn if not given.
@@ -186,7 +188,9 @@ def answers(
     }
     given: dict[str, Value] = {}
     for item in questionnaire.items:
-        if isinstance(item.format, (Likert, Slider)):
+        if item.attention is not None:
+            value = item.attention
+        elif isinstance(item.format, (Likert, Slider)):
             scale, size = scale_of.get(item.id, (None, 1))
             backwards = scale is not None and item.id in questionnaire.scale(scale).reversed
             trait = rng.standard_normal() if scale is None else traits[scale]
@@ -195,7 +199,7 @@ def answers(
             value = _fact(questionnaire.key, item, rng)
         if value is not None:
             given[item.id] = questionnaire.check(item.id, value)
-    return given
+    return questionnaire.counted(given)
 
 
 def _fact(questionnaire: str, item: Item, rng: np.random.Generator) -> Value | None:

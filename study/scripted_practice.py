@@ -26,6 +26,7 @@ def practise_scripted(config: PracticeConfig) -> PracticeResult:
         SteerlabError: hardly any world lets the car through.
     """
     balls = crashes = 0
+    unrecorded, driven_s = Unrecorded(), 0.0
     for number in range(MOST_DRIVES * config.balls):
         world = practice_world(config, number)
         with Driving(world, config=DrivingConfig(time_limit_s=config.time_limit_s)) as driving:
@@ -37,12 +38,13 @@ def practise_scripted(config: PracticeConfig) -> PracticeResult:
                 participant="practice",
                 order=0,
                 clock=NullClock(),
-                sink=Unrecorded(),
+                sink=unrecorded,
             )
             balls += drive.outcome is Outcome.BALL_REACHED
             crashes += drive.outcome is Outcome.BLOCK_HIT
-        if balls == config.balls:
-            return PracticeResult(balls, crashes, stopped=False)
+            driven_s = unrecorded.steps / drive.control_hz
+        if config.enough(balls, driven_s):
+            return PracticeResult(balls=balls, crashes=crashes, driven_s=driven_s, stopped=False)
     raise SteerlabError(
         f"A script reached {balls} of {config.balls} balls in {MOST_DRIVES * config.balls} "
         f"practice drives; raise practice.time_limit_s ({config.time_limit_s:g} s)."

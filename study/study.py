@@ -10,26 +10,28 @@ from steerlab.sim.errors import unreadable
 from steerlab.sim.files.folder_lock import RUN_LOCK, locked
 from steerlab.sim.progress import Progress
 from steerlab.study.completeness import session_findings
+from steerlab.study.consent import NO_ENTRIES, ConsentEntries, ConsentRecord, ConsentText
 from steerlab.study.contract import (
     ParticipantView,
-    PhaseKind,
-    PhaseState,
     Role,
-    Standing,
     StudyCheck,
     StudyError,
 )
+from steerlab.study.design import Design, design_of
 from steerlab.study.enrolment import amend, enrol
-from steerlab.study.pages import consent, consent_text, save_answer, submit
-from steerlab.study.progress import ProgressCache, answers_of, progress_of
+from steerlab.study.item_orders import item_order
+from steerlab.study.pages import consent, consent_record, consent_text, save_answer, submit
+from steerlab.study.progress import ProgressCache, given_answers, progress_of
+from steerlab.study.redo import flags_of_drives, redo
 from steerlab.study.store.answers import insert_note, read_notes
-from steerlab.study.store.frozen import people_in_use
-from steerlab.study.store.people import PhaseAct, insert_link, insert_phase_event, read_link_owner
+from steerlab.study.store.forms import result_of, take
+from steerlab.study.store.people import insert_link, read_link_owner
 from steerlab.study.study_folder import FrozenPlan, OpenStudy
 from steerlab.study.surveys.answer_format import Value
 from steerlab.study.surveys.questionnaire import Questionnaire
 
 if TYPE_CHECKING:
+    from steerlab.study.erasing_reach import Reach
     from steerlab.study.runner import RunConfig, RunReport
     from steerlab.study.store.frozen import FrozenModel
     from steerlab.study.verify import Verified
@@ -76,6 +78,11 @@ class Study:
         """The study's title."""
         return self._opened.current().title
 
+    @property
+    def language(self) -> str:
+        """Of the pages and windows, such as ``en``."""
+        return self._opened.current().language
+
     def participants(self) -> Sequence[ParticipantView]:
         """All, withdrawn ones too, in the order in which they were enrolled."""
         return [progress.view for progress in self._progress.all()]
@@ -88,13 +95,16 @@ class Study:
         """
         return self._progress.of(participant).view
 
-    def enrol(self, role: Role) -> ParticipantView:
+    def enrol(self, role: Role, *, form: str | None = None) -> ParticipantView:
         """Enrol the next participant; the first one freezes the protocol.
+
+        Args:
+            form: a key of what asks for it; the same key again returns the same participant.
 
         Raises:
             StudyError: the protocol is wrong, or was changed after it was frozen.
         """
-        return self.participant(enrol(self._opened, role))
+        return self.participant(enrol(self._opened, role, form))
 
     def amend(self, why: str) -> int:
         """Record the changed protocol as a new version, and return its number.
@@ -103,6 +113,10 @@ class Study:
             StudyError: nothing is frozen, nothing changed, or there is no reason.
         """
         return amend(self._opened, why)
+
+    def design(self) -> Design:
+        """How many were recruited, with which orders, and who dropped out."""
+        return design_of(self.participants(), self._opened.current().design)
 
     def new_link(self, participant: str) -> str:
         """A fresh unguessable token for the participant's pages; only its hash is kept.
@@ -113,11 +127,11 @@ class Study:
             StudyError: there is no such participant, or they have withdrawn.
         """
         connection = self._opened.store.connection
-        standing = progress_of(self._opened, participant).view.standing
-        if standing.withdrawn:
-            raise StudyError(f"{participant} has left ({standing}).")
         token = secrets.token_urlsafe(32)
         with connection.transaction(f"make a link for {participant!r}", durable=True):
+            standing = progress_of(self._opened, participant).view.standing
+            if standing.withdrawn:
+                raise StudyError(f"{participant} has left ({standing}).")
             insert_link(connection, participant, _token_sha256(token))
         return token
 
@@ -141,10 +155,16 @@ class Study:
         return self._opened.questionnaires[key]
 
     def answers(self, participant: str, phase: str, questionnaire: str) -> Mapping[str, Value]:
-        """What was answered so far, by item."""
+        """What was answered so far, by item; ``Questionnaire.counted`` says what counts of it."""
         progress = self._progress.of(participant)
         progress.phase(phase)
-        return answers_of(self._opened, progress, phase).get(questionnaire, {})
+        return given_answers(self._opened, progress, phase).get(questionnaire, {})
+
+    def item_order(self, participant: str, phase: str, questionnaire: str) -> Sequence[str]:
+        """Ids of all items, in the order in which the participant sees them there."""
+        progress = self._progress.of(participant)
+        with self._opened.reading():
+            return item_order(progress, phase, self.questionnaire(questionnaire))
 
     def save_answer(
         self, participant: str, phase: str, questionnaire: str, item: str, value: Value | None
@@ -165,19 +185,32 @@ class Study:
         """
         return submit(self._opened, participant, phase)
 
-    def consent_text(self, participant: str) -> tuple[int, Sequence[str]]:
-        """Version and paragraphs: the newest, or those that the participant has decided on."""
+    def consent_text(self, participant: str) -> ConsentText:
+        """The newest text, or that which the participant has decided on."""
         self._progress.of(participant)
-        text = consent_text(self._opened, participant)
-        return text.version, text.text
+        return consent_text(self._opened, participant)
 
-    def consent(self, participant: str, *, given: bool, shown: int | None = None) -> None:
+    def consent_record(self, participant: str) -> ConsentRecord | None:
+        """The participant's decision; None before there is one, and when it is erased."""
+        progress = self._progress.of(participant)
+        with self._opened.reading():
+            return consent_record(self._opened, progress)
+
+    def consent(
+        self,
+        participant: str,
+        *,
+        given: bool,
+        shown: int | None = None,
+        entries: ConsentEntries = NO_ENTRIES,
+    ) -> None:
         """Record the decision on the text of version ``shown``; None is the newest.
 
         Raises:
-            StudyError: another version is valid by now, or the opposite decision was made before.
+            StudyError: another version is valid by now, the opposite decision was made before, or
+                a yes lacks something that the text asks for.
         """
-        consent(self._opened, participant, given=given, shown=shown)
+        consent(self._opened, participant, given=given, shown=shown, entries=entries)
 
     def analysis_plans(self) -> Sequence[FrozenPlan]:
         """The plan frozen before the first participant, then each that replaced it.
@@ -187,8 +220,11 @@ class Study:
         """
         return self._opened.analysis_plans()
 
-    def note(self, participant: str | None, text: str) -> None:
+    def note(self, participant: str | None, text: str, *, form: str | None = None) -> None:
         """Keep a remark of the experimenter about a participant; None is about the study.
+
+        Args:
+            form: as of ``enrol``.
 
         Raises:
             StudyError: it is blank or too long, has characters that are none to read, or there is
@@ -201,48 +237,51 @@ class Study:
             raise StudyError(
                 f"The note has {len(text)} characters; write between 1 and {LONGEST_NOTE}."
             )
-        if participant and progress_of(self._opened, participant).view.standing.erased:
-            raise StudyError(f"{participant} was erased; nothing about them is kept.")
         connection = self._opened.store.connection
         with connection.transaction("keep a note", durable=True):
-            insert_note(connection, participant, text)
+            if participant and progress_of(self._opened, participant).view.standing.erased:
+                raise StudyError(f"{participant} was erased; nothing about them is kept.")
+            if result_of(connection, form) is None:
+                insert_note(connection, participant, text)
+                take(connection, form, "note kept")
 
     def notes(self, participant: str | None) -> Sequence[tuple[str, str]]:
         """Time in UTC and text of each remark."""
         return read_notes(self._opened.store.connection, participant)
 
-    def redo(self, participant: str, phase: str) -> None:
+    def redo(
+        self,
+        participant: str,
+        phase: str,
+        *,
+        rollouts: Sequence[str] = (),
+        form: str | None = None,
+    ) -> None:
         """Open a finished phase again; what was recorded stays and no longer counts.
 
         Calibrating again opens the computation of w again as well.
 
+        Args:
+            rollouts: only these of a calibration phase, which keeps the others; none stands for
+                all.
+            form: as of ``enrol``.
+
         Raises:
-            StudyError: the phase is not over, is consent, or the frozen network has learnt from
-                it; or the participant has left.
+            StudyError: the phase is not over, is consent, has no such rollout, or the frozen
+                network has learnt from it; or the participant has left.
         """
-        connection = self._opened.store.connection
-        with connection.transaction(f"open {phase!r} of {participant!r} again", durable=True):
-            progress = progress_of(self._opened, participant)
-            view, kind = progress.view, progress.phase(phase).kind
-            if view.standing.withdrawn or view.standing is Standing.DECLINED:
-                raise StudyError(f"{participant} has left ({view.standing}); nothing is redone.")
-            if kind is PhaseKind.CONSENT:
-                raise StudyError(f"Consent is given once; to end it, withdraw {participant}.")
-            if not progress.state(phase).over:
-                raise StudyError(
-                    f"{phase!r} of {participant} is not over yet; simply go on with it."
-                )
-            if kind is PhaseKind.CALIBRATION:
-                if view.role is Role.TRAINING and participant in people_in_use(connection):
-                    raise StudyError(
-                        f"The network is frozen and has learnt from {participant}'s labels, so "
-                        f"they stay as they are; enrol another training participant before the "
-                        f"next study."
-                    )
-                for later, state in view.phases:
-                    if later.kind is PhaseKind.CALIBRATE_W and state is PhaseState.DONE:
-                        insert_phase_event(connection, participant, later.id, PhaseAct.REOPENED)
-            insert_phase_event(connection, participant, phase, PhaseAct.REOPENED)
+        redo(self._opened, participant, phase, rollouts=rollouts, form=form)
+
+    def drives(self, participant: str, phase: str) -> Mapping[str, str]:
+        """What was flagged, in words, of each finished rollout of a calibration phase."""
+        with self._opened.reading():
+            return flags_of_drives(self._opened, self._progress.of(participant), phase)
+
+    def erasing_reaches(self, participant: str) -> "Reach":
+        """What else erasing a participant's data touches."""
+        from steerlab.study.erasing_reach import erasing_reaches
+
+        return erasing_reaches(self._opened, participant)
 
     def withdraw(
         self,
@@ -261,7 +300,7 @@ class Study:
         withdraw(self._opened, participant, erase=erase, progress=progress)
 
     def findings(self, participant: str | None) -> Sequence[StudyCheck]:
-        """Device and timing of a participant's last session; with None, ``verify``'s findings."""
+        """Of a participant's pages and last session; with None, ``verify``'s findings."""
         if participant is not None:
             with self._opened.reading():
                 return session_findings(self._opened, self._progress.of(participant))

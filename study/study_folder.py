@@ -1,15 +1,17 @@
 """A study's folder: made from a template, or opened with its database and its frozen protocol."""
 
 import json
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from importlib import resources
 from pathlib import Path
 from shlex import quote
 
+from steerlab.sim.files.folder_lock import RUN_LOCK, locked
 from steerlab.sim.files.reading import reading
+from steerlab.sim.files.refusal import refusal
 from steerlab.sim.files.structured import utf8_text
 from steerlab.sim.files.whole_file import rename_durably, workspace
 from steerlab.study.contract import StudyError
@@ -47,21 +49,22 @@ def new_study(folder: Path, template: str) -> None:
 
     Raises:
         StudyError: there is no such template, the folder holds a study, or it cannot be written.
+        LockedOut: another program is making a study there.
     """
     if template not in template_names():
         raise StudyError(f"No template {template!r}; choose one of {', '.join(template_names())}.")
     source = resources.files("steerlab.assets") / "study_templates" / f"{template}.toml"
     text = source.read_text(encoding="utf-8")
-    protocol = folder / PROTOCOL_FILE
-    begun = protocol.is_file() and utf8_text(protocol) == text  # by a call that was cut off
-    for path in (folder / STUDY_FILE, *(() if begun else (protocol,))):
-        if path.exists():
-            raise StudyError(f"{path} exists already; choose another folder.")
+    _refuse_what_is_there(folder, text)
     parse_protocol(text, source.name, study_questionnaires(folder))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         folder.chmod(0o700)  # answers and labels are nobody else's business
-        with workspace(folder / "new") as room:
+        with (
+            locked(folder, RUN_LOCK, "makes a study in"),
+            workspace(folder / "new") as room,
+        ):
+            _refuse_what_is_there(folder, text)  # of another program meanwhile
             (room / PROTOCOL_FILE).write_text(text, encoding="utf-8")
             StudyStore.create(room / STUDY_FILE).close()
             for name in (PROTOCOL_FILE, STUDY_FILE):
@@ -69,8 +72,16 @@ def new_study(folder: Path, template: str) -> None:
                 rename_durably(room / name, folder / name)
     except OSError as error:
         raise StudyError(
-            f"Cannot write into {folder}: {error.strerror or error}; choose another folder."
+            f"Cannot write into {folder}: {refusal(error, 'choose another folder')}."
         ) from error
+
+
+def _refuse_what_is_there(folder: Path, text: str) -> None:
+    protocol = folder / PROTOCOL_FILE
+    begun = protocol.is_file() and utf8_text(protocol) == text  # by a call that was cut off
+    for path in (folder / STUDY_FILE, *(() if begun else (protocol,))):
+        if path.exists():
+            raise StudyError(f"{path} exists already; choose another folder.")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -110,11 +121,20 @@ class OpenStudy:
     questionnaires: Mapping[str, Questionnaire]
     _parsed: dict[int, StudyProtocol] = field(default_factory=dict)
 
-    def reading(self) -> AbstractContextManager[None]:
-        """Whatever a damaged database makes of a block that reads it is a ``StudyError``."""
+    @contextmanager
+    def reading(self) -> Generator[None]:
+        """Read in this block what was kept when it began, whatever others keep meanwhile.
+
+        Raises:
+            StudyError: whatever a damaged database makes of the block.
+        """
         again = f"steerlab study verify {quote(str(self.folder))}"
         remedy = f"See {again}, or restore the folder's last copy."
-        return reading(self.folder / STUDY_FILE, "a study", StudyError, remedy)
+        with (
+            reading(self.folder / STUDY_FILE, "a study", StudyError, remedy),
+            self.store.connection.snapshot(),
+        ):
+            yield
 
     @classmethod
     def open(cls, folder: Path, *, read_only: bool = False) -> "OpenStudy":

@@ -1,25 +1,30 @@
 """``study verify``: is what is kept whole, unchanged, complete and plausible?"""
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from itertools import pairwise
+from operator import itemgetter
 from shlex import quote
 
 from steerlab.sim.errors import SteerlabError
 from steerlab.study.completeness import person_findings
 from steerlab.study.contract import PhaseKind, PhaseState, Role, StudyCheck
 from steerlab.study.derived import left_of
+from steerlab.study.design import has_left
 from steerlab.study.enrolment import order_at
+from steerlab.study.merged_audits import merged_findings
 from steerlab.study.progress import ParticipantProgress, everybody
 from steerlab.study.protocol_file import protocol_sha256
 from steerlab.study.recording.session_recorder import RECORDINGS
-from steerlab.study.store.answers import ANSWERED, read_responses
+from steerlab.study.store.answers import read_responses
 from steerlab.study.store.audit import AuditEntry, broken_at
 from steerlab.study.store.errors import StoreError
 from steerlab.study.store.frozen import read_embeddings, read_models
+from steerlab.study.store.head import REMEDY, missing_head
+from steerlab.study.store.merging import read_merged_audits
 from steerlab.study.store.people import (
     Departure,
     read_departures,
@@ -27,7 +32,7 @@ from steerlab.study.store.people import (
     read_phase_events,
 )
 from steerlab.study.store.records import AttemptStatus
-from steerlab.study.store.seals import SEALED, broken_seals
+from steerlab.study.store.seals import ANSWER, broken_seals, sealed_rows
 from steerlab.study.store.teaching import TaughtRound, read_taught, read_tried
 from steerlab.study.study_folder import OpenStudy
 from steerlab.study.withdrawal import traces, unknown_files
@@ -51,11 +56,16 @@ class Verified:
 
 
 def verify(study: OpenStudy, *, expected_head: str | None = None) -> Verified:
-    """Check all of a study; changes nothing, and needs no torch.
+    """Check all of a study as it is now, also while others go on; changes nothing, needs no torch.
 
     Args:
         expected_head: an earlier ``Verified.head``, which the audit must still hold.
     """
+    with study.store.connection.snapshot():
+        return _verify(study, expected_head)
+
+
+def _verify(study: OpenStudy, expected_head: str | None) -> Verified:
     database, readable = _database(study)
     if not readable:  # nothing that is read from it means anything
         return Verified(findings=(database,), head="")
@@ -63,7 +73,7 @@ def verify(study: OpenStudy, *, expected_head: str | None = None) -> Verified:
     everyone = cache(lambda: everybody(study))
     checks = [database]
     for what, check in (
-        ("Audit", lambda: _audit(entries(), expected_head)),
+        ("Audit", lambda: _audit(study, entries(), expected_head)),
         ("Answers", lambda: _answers(study, entries())),
         ("Labels", lambda: _seals(study, entries())),
         ("Protocol", lambda: _protocol(study)),
@@ -101,13 +111,17 @@ def _database(study: OpenStudy) -> tuple[StudyCheck, bool]:
     remedy = _RESTORE
     if result != "ok":
         return StudyCheck(what="Database", found=result, ok=False, mend=remedy), False
+    if older := missing_head(connection.path, connection.sqlite):
+        return StudyCheck(what="Database", found=older, ok=False, mend=f"{REMEDY}."), True
     if dangling:
         result = f"{len(dangling)} rows refer to others that are not there"
         return StudyCheck(what="Database", found=result, ok=False, mend=remedy), True
     return StudyCheck(what="Database", found="whole", ok=True), True
 
 
-def _audit(entries: Sequence[AuditEntry], expected: str | None) -> Iterator[StudyCheck]:
+def _audit(
+    study: OpenStudy, entries: Sequence[AuditEntry], expected: str | None
+) -> Iterator[StudyCheck]:
     broken = broken_at(list(entries))
     if broken is not None:
         result = f"entry {broken.id} ({broken.act}, {broken.at_utc}) breaks the chain"
@@ -116,26 +130,24 @@ def _audit(entries: Sequence[AuditEntry], expected: str | None) -> Iterator[Stud
         yield StudyCheck(what="Audit", found="entries are missing", ok=False, mend=_TAMPERED)
     else:
         yield StudyCheck(what="Audit", found=f"{len(entries)} entries, unbroken", ok=True)
-    if expected is not None and expected not in [entry.sha256 for entry in entries]:
+    merged = read_merged_audits(study.store.connection)
+    yield from merged_findings(entries, merged)
+    held = (entry.sha256 for audit in (entries, *merged.values()) for entry in audit)
+    if expected is not None and expected not in held:
         result = f"no entry has the hash {expected}"
         yield StudyCheck(what="Audit", found=result, ok=False, mend=_TAMPERED)
 
 
 def _answers(study: OpenStudy, entries: Sequence[AuditEntry]) -> Iterator[StudyCheck]:
     """Every answer is the one that the audit sealed, and none is missing."""
-    seals = {
-        int(entry.detail.split()[1]): entry.detail for entry in entries if entry.act == ANSWERED
-    }
+    sealed = sealed_rows(entries)
     responses = read_responses(study.store.connection)
-    changed = [response.id for response in responses if seals.get(response.id) != response.seal]
-    gone = len(seals) - len(responses)
-    erased = any(
-        how is not Departure.KEPT for how in read_departures(study.store.connection).values()
-    )
+    changed = [one.id for one in responses if sealed.get(one.row) != one.digest]
+    gone = sum(row[0] == ANSWER for row in sealed) - len(responses)
     if changed:
         result = f"{len(changed)} differ from what the audit sealed, the first is row {changed[0]}"
         yield StudyCheck(what="Answers", found=result, ok=False, mend=_TAMPERED)
-    elif gone and not erased:
+    elif gone:
         yield StudyCheck(what="Answers", found=f"{gone} are gone", ok=False, mend=_TAMPERED)
     else:
         yield StudyCheck(what="Answers", found=f"{len(responses)} as they were given", ok=True)
@@ -143,21 +155,12 @@ def _answers(study: OpenStudy, entries: Sequence[AuditEntry]) -> Iterator[StudyC
 
 def _seals(study: OpenStudy, entries: Sequence[AuditEntry]) -> Iterator[StudyCheck]:
     """Attempts with their labels, networks, w and taught rounds are what the audit sealed."""
-    connection = study.store.connection
-    details = [entry.detail for entry in entries if entry.act == SEALED]
-    changed, gone, whole = broken_seals(connection, details)
-    left = {p for p, how in read_departures(connection).items() if how is not Departure.KEPT}
-    # An erasure takes the person's rows with it; whose w and rounds were, the audit does not say.
-    missing = [
-        f"{kind} {' '.join(map(str, key))}"
-        for kind, key in gone
-        if (key[0] not in left if kind == "attempt" else not left)
-    ]
+    changed, gone, whole = broken_seals(study.store.connection, sealed_rows(entries))
     if changed:
         result = f"{len(changed)} differ from what the audit sealed, the first is {changed[0]}"
         yield StudyCheck(what="Labels", found=result, ok=False, mend=_TAMPERED)
-    elif missing:
-        result = f"{len(missing)} are gone, the first is {missing[0]}"
+    elif gone:
+        result = f"{len(gone)} are gone, the first is {gone[0]}"
         yield StudyCheck(what="Labels", found=result, ok=False, mend=_TAMPERED)
     else:
         result = f"{whole} attempts, networks, w and rounds as they were kept"
@@ -186,39 +189,46 @@ def _protocol(study: OpenStudy) -> Iterator[StudyCheck]:
 
 
 def _orders(study: OpenStudy) -> Iterator[StudyCheck]:
-    """Every condition order is the one that the protocol's seed gives."""
-    drawn: Counter[str] = Counter()
+    """Every condition order is the one that the protocol's seed gives, and its place is one's own."""
     wrong: list[str] = []
+    holders: defaultdict[tuple[str, int | None], list[str]] = defaultdict(list)
+    stay = {one.view.id for one in everybody(study) if not has_left(one.view.standing)}
     for person in read_enrolments(study.store.connection):
         if person.role != Role.TEST:
             continue
         protocol = study.protocol_of(person.protocol_version)
         keys = [condition.key for condition in protocol.conditions]
-        index, size = drawn[person.allocation], protocol.block_size
-        drawn[person.allocation] += 1
-        if person.condition_order != order_at(
-            keys, seed=protocol.seed, block_size=size, index=index
+        size, place = protocol.block_size, person.place
+        if place is None or person.condition_order != order_at(
+            keys, seed=protocol.seed, block_size=size, index=place
         ):
             wrong.append(person.participant)
-    if wrong:
+        if person.participant in stay:
+            holders[person.allocation, place].append(person.participant)
+    shared = [" and ".join(people) for people in holders.values() if len(people) > 1]
+    if shared:
+        result = f"{', '.join(shared)} share a place in the blocks"
+        remedy = "Compare the database with its last copy."
+        yield StudyCheck(what="Condition orders", found=result, ok=False, mend=remedy)
+    elif wrong:
         result = f"{', '.join(wrong)} have another order than the protocol's seed gives"
         remedy = "Compare the database with its last copy."
         yield StudyCheck(what="Condition orders", found=result, ok=False, mend=remedy)
-    elif drawn:
+    elif holders:
         yield StudyCheck(what="Condition orders", found="as the seed gives them", ok=True)
 
 
 def _clock(study: OpenStudy, entries: Sequence[AuditEntry]) -> Iterator[StudyCheck]:
-    """In what is only appended to, times only grow."""
+    """In what is only appended to, times only grow; people may come from several computers."""
     acts = read_phase_events(study.store.connection)
     answers = read_responses(study.store.connection)
     for what, times in (
-        ("the audit", [entry.at_utc for entry in entries]),
-        ("the phases", [act.at_utc for act in acts]),
-        ("the answers", [answer.at_utc for answer in answers]),
+        ("the audit", [("", entry.at_utc) for entry in entries]),
+        ("the phases", [(act.participant, act.at_utc) for act in acts]),
+        ("the answers", [(answer.participant, answer.at_utc) for answer in answers]),
     ):
-        for before, after in pairwise(times):
-            if after < before:
+        for (who, before), (next_, after) in pairwise(sorted(times, key=itemgetter(0))):
+            if who == next_ and after < before:
                 result = f"in {what}, {after} was written after {before}"
                 remedy = "The computer's clock was set back; note when, and switch on time service."
                 yield StudyCheck(what="Clock", found=result, ok=False, mend=remedy)

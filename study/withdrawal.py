@@ -1,10 +1,11 @@
 """Leaving a study: an explicit act that keeps the data, or erases all but a tombstone."""
 
 import re
-import shutil
 from pathlib import Path
 
-from steerlab.sim.files.folder_lock import CONSOLE_LOCK, RUN_LOCK, holder_name, locked
+from steerlab.sim.files.folder_lock import CONSOLE_LOCK, RUN_LOCK, LockedOut, holder_name, locked
+from steerlab.sim.files.refusal import refusal
+from steerlab.sim.files.shared_folder import everything_in, remove
 from steerlab.sim.progress import Progress
 from steerlab.study.contract import StudyError
 from steerlab.study.derived import DERIVED, DERIVED_LOCK, derived_files, derived_lock, left_of
@@ -19,7 +20,7 @@ from steerlab.study.store.people import (
     scrub,
     write_departure,
 )
-from steerlab.study.store.store import STUDY_FILE
+from steerlab.study.store.store import DATABASE_FILES
 from steerlab.study.study_folder import MODELS, OpenStudy
 
 _KEPT = (
@@ -28,7 +29,7 @@ _KEPT = (
     *(holder_name(RUN_LOCK), holder_name(CONSOLE_LOCK), holder_name(DERIVED_LOCK)),
 )
 """What is no derived data, or is looked through for the person's own part of it."""
-_KNOWN = (STUDY_FILE, f"{STUDY_FILE}-wal", f"{STUDY_FILE}-shm", *DERIVED, *_KEPT)
+_KNOWN = (*DATABASE_FILES, *DERIVED, *_KEPT)
 
 
 def withdraw(study: OpenStudy, participant: str, *, erase: bool, progress: Progress) -> None:
@@ -42,20 +43,23 @@ def withdraw(study: OpenStudy, participant: str, *, erase: bool, progress: Progr
     Raises:
         StudyError: nobody is enrolled under that name, their data are erased already, or a file
             cannot be deleted; call it again after that.
-        LockedOut: a run is under way in this study.
+        LockedOut: a run is under way in this study; one of another participant keeps nobody whose
+            data are kept from leaving.
         StoreError: another program reads the database, so that traces remain; call it again.
     """
     progress_of(study, participant)
     connection = study.store.connection
+    if not erase:
+        try:
+            with locked(study.folder, RUN_LOCK, "works in"):
+                _keep(study, participant)
+        except LockedOut as busy:
+            if busy.about in ("", participant):
+                raise
+            _keep(study, participant)  # somebody else is at the wheel, whom this does not touch
+        return
     with locked(study.folder, RUN_LOCK, "works in"):
         left = read_departures(connection).get(participant)
-        if not erase:
-            if left is None:
-                with connection.transaction(f"withdraw {participant!r}", durable=True):
-                    write_departure(connection, participant, Departure.KEPT)
-            elif left is not Departure.KEPT:
-                raise StudyError(f"The data of {participant} are erased; they cannot be kept.")
-            return
         if left is Departure.ERASED:
             with derived_lock(study.folder):  # what came back since, from a backup for example
                 back = {*traces(study.folder, participant), *left_of(study.folder, participant)}
@@ -72,10 +76,22 @@ def withdraw(study: OpenStudy, participant: str, *, erase: bool, progress: Progr
             ):
                 _delete(path)
             remove_models_of(study, participant)
+            for path in left_of(study.folder, participant):  # under other names in what is kept
+                _delete(path)
         scrub(connection)
         renew(study, progress)
         with connection.transaction(f"finish erasing {participant!r}", durable=True):
             write_departure(connection, participant, Departure.ERASED)
+
+
+def _keep(study: OpenStudy, participant: str) -> None:
+    connection = study.store.connection
+    with connection.transaction(f"withdraw {participant!r}", durable=True):
+        left = read_departures(connection).get(participant)
+        if left is None:
+            write_departure(connection, participant, Departure.KEPT)
+        elif left is not Departure.KEPT:
+            raise StudyError(f"The data of {participant} are erased; they cannot be kept.")
 
 
 def traces(folder: Path, participant: str) -> list[Path]:
@@ -87,7 +103,7 @@ def traces(folder: Path, participant: str) -> list[Path]:
     named = re.compile(rf"(?<![A-Za-z0-9]){re.escape(participant)}(?![A-Za-z0-9])")
     paths: list[Path] = []
     for subfolder in (RECORDINGS, MODELS):
-        for path in sorted((folder / subfolder).rglob("*")):  # a folder before what is in it
+        for path in everything_in(folder / subfolder):  # a folder before what is in it
             if named.search(path.name) and not set(path.parents) & set(paths):
                 paths.append(path)
     return paths
@@ -110,12 +126,9 @@ def _delete(path: Path) -> None:
                 f"{path} is a link to {path.readlink()}, which steerlab does not touch. Delete "
                 f"what is there and the link, then withdraw the participant again."
             )
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink()
+        remove(path)
     except OSError as error:
         raise StudyError(
-            f"Cannot delete {path}: {error.strerror or error}. Put that right, then withdraw the "
-            f"participant again."
+            f"Cannot delete {path}: {refusal(error, 'put that right')}. Then withdraw the participant "
+            f"again."
         ) from error

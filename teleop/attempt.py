@@ -11,9 +11,9 @@ from steerlab.sim.vehicle import CarConfig
 from steerlab.teleop.devices.contract import Device
 from steerlab.teleop.drives.contract import Drive
 from steerlab.teleop.loop import DriveEnd, run_drive
-from steerlab.teleop.pacing import PacingConfig, WallClock, no_garbage_collection
-from steerlab.teleop.page_prompt import PagePrompt
-from steerlab.teleop.pages import error_page, pause_page
+from steerlab.teleop.pacing import NS_PER_S, PacingConfig, WallClock, no_garbage_collection
+from steerlab.teleop.page_prompt import PAGE_S, PagePrompt
+from steerlab.teleop.pages import ROLLOUT, error_page, pause_page
 from steerlab.teleop.screen.contract import DriveView, Page, Screen
 from steerlab.teleop.timing import StepTiming
 from steerlab.teleop.timing_limits import GateConfig, LoopHealth, TimingViolation, failed_gates
@@ -25,18 +25,23 @@ class SessionConfig:
     """How drives are shown to a person.
 
     Attributes:
+        ending_s: how long the end of a drive stays on the screen, with what it was.
         show_agent_wheel: may anchor the labels, which are what is studied: off by default.
+        after: what comes next on the person's page; empty if nothing does.
     """
 
     countdown_s: float = 3.0
+    ending_s: float = 0.8
     instruction: str = "Steer as you think the car should have steered."
     show_agent_wheel: bool = False
     pacing: PacingConfig = field(default_factory=PacingConfig)
     gates: GateConfig = field(default_factory=GateConfig)
+    after: str = ""
 
     def __post_init__(self) -> None:
-        if not self.countdown_s >= 0.0:
-            raise InvalidConfig(f"countdown_s is {self.countdown_s}; it must not be negative.")
+        for name in ("countdown_s", "ending_s"):
+            if not getattr(self, name) >= 0.0:
+                raise InvalidConfig(f"{name} is {getattr(self, name)}; it must not be negative.")
 
 
 class AttemptRecord(Protocol):
@@ -110,6 +115,7 @@ class AttemptLoop:
     ) -> None:
         self._screen, self._device, self._recorder = screen, device, recorder
         self._participant, self._config, self._now_ns = participant, config, now_ns
+        self._poll, self._sleep_s = poll, sleep_s
         self._car = CarConfig()
         self.clock = WallClock(config.pacing, poll, now_ns=now_ns, sleep_s=sleep_s)
         self.watch = PersonWatch(screen)
@@ -123,7 +129,7 @@ class AttemptLoop:
         *,
         number: int,
         count: int,
-        what: str = "Rollout",
+        what: str = ROLLOUT,
         before: Callable[[], bool] | None = None,
         event: Callable[[], str] | None = None,
     ) -> FinishedAttempt | None:
@@ -149,6 +155,7 @@ class AttemptLoop:
                 return None
             end = self._attempt(drive, show, event)
             if isinstance(end, FinishedAttempt):
+                self._show_end(show)
                 return end
             if end is DriveEnd.STOPPED:
                 return None
@@ -174,8 +181,18 @@ class AttemptLoop:
                 device=self._device.info.name,
                 device_ok=sample.ok,
                 instruction=instruction,
+                speed_mps=frame.speed_mps,
+                outcome=drive.outcome,
             )
         )
+
+    def _show_end(self, show: Callable[[float], None]) -> None:
+        """Let the person see how a drive ended, before a page covers it; nothing is kept of it."""
+        until_ns = self._now_ns() + round(self._config.ending_s * NS_PER_S)
+        while self._now_ns() < until_ns:
+            self._poll()
+            show(1.0)
+            self._sleep_s(PAGE_S)
 
     def _attempt(
         self, drive: Drive, show: Callable[[float], None], event: Callable[[], str] | None

@@ -1,10 +1,12 @@
 """Waiting for a person: a page until a key is pressed, or the countdown until the wheel is centred."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
-from steerlab.teleop.devices.contract import Device, DeviceSample
+from steerlab.sim.language import said
+from steerlab.teleop.devices.contract import Button, Device, DeviceSample
 from steerlab.teleop.pacing import NS_PER_S
-from steerlab.teleop.pages import CENTRED, countdown_page
+from steerlab.teleop.pages import CENTRED, ROLLOUT, countdown_page
 from steerlab.teleop.screen.contract import Act, Page, Screen
 from steerlab.teleop.watch import PersonWatch
 
@@ -36,7 +38,7 @@ class PagePrompt:
         self._now_ns = now_ns
         self._sleep_s = sleep_s
 
-    def countdown(self, number: int, count: int, seconds: float, *, what: str = "Rollout") -> bool:
+    def countdown(self, number: int, count: int, seconds: float, *, what: str = ROLLOUT) -> bool:
         """3-2-1, running only while the wheel is centred and the window in focus; False to stop."""
         self._screen.acts()  # what was pressed before does not count
         period_ns = round(seconds * NS_PER_S)
@@ -75,7 +77,7 @@ class PagePrompt:
             for act in self._watch.acts(self._device.read()):
                 if act in wanted:
                     return act
-            self._screen.show_page(page())
+            self._screen.show_page(with_buttons(page(), self._device.info.buttons))
             self._sleep_s(PAGE_S)
 
     def until(
@@ -99,3 +101,19 @@ class PagePrompt:
                 return False
             if self._screen.focused and self._device.read().ok:
                 return True
+
+
+_OR_BUTTON = {
+    Button.PAUSE: "{does} (or the pause button)",
+    Button.REDO: "{does} (or the redo button)",
+}
+
+
+def with_buttons(page: Page, buttons: frozenset[Button]) -> Page:
+    """``page`` with what the wheel's buttons do on it, where the wheel has them."""
+    named = {"Space": Button.PAUSE, "R": Button.REDO}
+    keys = [
+        (key, said(_OR_BUTTON[named[key]]).format(does=does) if named.get(key) in buttons else does)
+        for key, does in page.keys
+    ]
+    return replace(page, keys=keys)

@@ -18,11 +18,14 @@ from steerlab.teleop.devices.contract import Device, DeviceSample
 from steerlab.teleop.drives.contract import Drive
 from steerlab.teleop.drives.live import LiveDrive
 from steerlab.teleop.drives.who_drives import PersonDrives
+from steerlab.teleop.markers import Markers, marked
 from steerlab.teleop.pacing import PacingConfig
-from steerlab.teleop.pages import pedals_page, practice_done_page, practice_page
+from steerlab.teleop.pages import BALL, pedals_page, practice_done_page, practice_page
 from steerlab.teleop.screen.contract import Act, DriveView, Page, Screen
 from steerlab.teleop.timing import StepTiming
 from steerlab.teleop.timing_limits import TimingViolation
+
+_PRACTICE = "practice"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,27 +34,43 @@ class PracticeConfig:
 
     Attributes:
         balls: how many to reach before it is over.
+        driven_s: it is over after so much driving too, whichever comes first; the drive under way
+            is finished, and no other begins. None: only the balls count.
         pedals: drive with throttle and brake; without, at cruise speed.
         seed: of the worlds, each with few blocks.
+        after: what comes next on the person's page; empty if nothing does.
     """
 
     balls: int = 5
+    driven_s: float | None = None
     pedals: bool = True
     seed: int = 0
     time_limit_s: float = 120.0  # for one ball
     countdown_s: float = 3.0
+    after: str = ""
 
     def __post_init__(self) -> None:
         if self.balls < 1:
             raise InvalidConfig(f"balls is {self.balls}; it must be at least 1.")
+        if self.driven_s is not None and not self.driven_s > 0.0:
+            raise InvalidConfig(f"driven_s is {self.driven_s}; it must be above 0.")
+
+    def enough(self, balls: int, driven_s: float) -> bool:
+        """Practice is over once so many balls were reached in so much driving."""
+        return balls >= self.balls or (self.driven_s is not None and driven_s >= self.driven_s)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class PracticeResult:
-    """What came of it."""
+    """What came of it: counts, and never how anybody steered.
+
+    Attributes:
+        driven_s: time at the wheel while the car drove, in drives that were cut off as well.
+    """
 
     balls: int
     crashes: int
+    driven_s: float
     stopped: bool
 
 
@@ -76,18 +95,22 @@ class Practice:
         poll: Callable[[], None],
         config: PracticeConfig | None = None,
         pacing: PacingConfig | None = None,
+        markers: Markers | None = None,
         now_ns: Callable[[], int] = perf_counter_ns,
         sleep_s: Callable[[float], None] = sleep,
     ) -> None:
         self._screen = screen
         self._device = device
         self._config = config or PracticeConfig()
+        self._unrecorded = Unrecorded()
         self._attempts = AttemptLoop(
             screen=screen,
             device=device,
             poll=poll,
-            recorder=Unrecorded(),
-            participant="practice",
+            recorder=marked(
+                self._unrecorded, markers, participant=_PRACTICE, device=device.info.name
+            ),
+            participant=_PRACTICE,
             config=SessionConfig(
                 countdown_s=self._config.countdown_s, pacing=pacing or PacingConfig()
             ),
@@ -96,39 +119,51 @@ class Practice:
         )
         self._prompt = self._attempts.prompt
         self._balls = self._crashes = 0
+        self._driven_s = 0.0
 
     def run(self) -> PracticeResult:
         """Practise."""
         number = 0
-        while self._balls < self._config.balls:
+        while not self._enough:
             world = practice_world(self._config, number)
             with _drive_in(world, self._config) as drive:
                 self._screen.enter(world)
                 if not self._until_reached(drive):
-                    return PracticeResult(self._balls, self._crashes, stopped=True)
+                    return self._result(stopped=True)
             number += 1
         self._prompt.ask(
-            lambda: practice_done_page(self._balls, self._crashes), {Act.CONFIRM, Act.STOP}
+            lambda: practice_done_page(self._balls, self._crashes, self._config.after),
+            {Act.CONFIRM, Act.STOP},
         )
-        return PracticeResult(self._balls, self._crashes, stopped=False)
+        return self._result(stopped=False)
+
+    @property
+    def _enough(self) -> bool:
+        return self._config.enough(self._balls, self._driven_s)
+
+    def _result(self, *, stopped: bool) -> PracticeResult:
+        return PracticeResult(
+            balls=self._balls, crashes=self._crashes, driven_s=self._driven_s, stopped=stopped
+        )
 
     def _until_reached(self, drive: LiveDrive) -> bool:
-        """Drive until this ball is reached; False to stop."""
+        """Drive until this ball is reached or practice is over; False to stop."""
         while True:
             finished = self._attempts.until_finished(
                 drive,
                 lambda fraction: self._show(drive, fraction),
                 number=self._balls + 1,
                 count=self._config.balls,
-                what="Ball",
+                what=BALL,
                 before=self._pedals_work if self._config.pedals else None,
             )
+            self._driven_s = self._unrecorded.steps / drive.control_hz
             if finished is None:
                 return False
             reached = drive.outcome is Outcome.BALL_REACHED
             self._balls += reached
             self._crashes += drive.outcome is Outcome.BLOCK_HIT
-            if reached and self._balls >= self._config.balls:
+            if self._enough:
                 return True
             page = practice_page(drive.outcome, self._balls, self._config.balls)
             if self._prompt.ask(lambda page=page: page, {Act.CONFIRM, Act.STOP}) is Act.STOP:
@@ -144,10 +179,10 @@ class Practice:
         return pedals_page(sample, self._device.info.name)
 
     def _show(self, drive: LiveDrive, fraction: float) -> None:
-        sample = self._device.read()
+        frame, sample = drive.between(fraction), self._device.read()
         self._screen.show_drive(
             DriveView(
-                pose=drive.between(fraction).pose,
+                pose=frame.pose,
                 elapsed_s=self._attempts.clock.elapsed_s,
                 number=self._balls + 1,
                 count=self._config.balls,
@@ -158,6 +193,8 @@ class Practice:
                 instruction="Drive to the orange ball.",
                 balls=self._balls,
                 teacher_drives=True,
+                speed_mps=frame.speed_mps,
+                outcome=drive.outcome,
             )
         )
 
@@ -167,16 +204,24 @@ def _has_pedals(sample: DeviceSample) -> bool:
 
 
 class Unrecorded:
-    """Practice is not recorded: a recorder, and the record of each attempt, that keep nothing."""
+    """Practice is not recorded: a recorder, and the record of each attempt, that only count.
+
+    Attributes:
+        steps: how many there were.
+    """
 
     attempt = order = 0
+
+    def __init__(self) -> None:
+        self.steps = 0
 
     def begin(self, drive: Drive) -> "Unrecorded":
         """The next attempt."""
         return self
 
     def step(self, step: LabelledStep, timing: StepTiming | None) -> None:
-        """Forget it."""
+        """Forget it, but that it was."""
+        self.steps += 1
 
     def event(self, step: int, what: str) -> None:
         """Forget it."""

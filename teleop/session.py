@@ -47,6 +47,7 @@ class DriveSession:
     ) -> None:
         self._screen = screen
         self._instruction = (config or SessionConfig()).instruction
+        self._after = (config or SessionConfig()).after
         self._total = total
         self.done = done
         self._attempts = AttemptLoop(
@@ -75,7 +76,8 @@ class DriveSession:
             self._screen.enter(drive.world)
             if not self._until_accepted(drive):
                 return SessionEnd.STOPPED
-        self._attempts.prompt.ask(lambda: session_done_page(self._total), {Act.CONFIRM, Act.STOP})
+        page = session_done_page(self._total, self._after)
+        self._attempts.prompt.ask(lambda: page, {Act.CONFIRM, Act.STOP})
         return SessionEnd.DONE
 
     def _until_accepted(self, drive: Drive) -> bool:

@@ -34,8 +34,8 @@ class PersonWatch:
 
     def interruption(self, sample: DeviceSample) -> DriveEnd | None:
         """Why the drive must not go on with this sample; None while it may."""
-        acts = self._screen.acts()
         pressed = self._pressed(sample)
+        acts = self._screen.acts()
         for act, end in _ENDS.items():
             if act in acts:
                 return end
@@ -43,8 +43,6 @@ class PersonWatch:
             return DriveEnd.FOCUS_LOST
         if not sample.ok or sample.wheel is None:
             return DriveEnd.DEVICE_LOST
-        if Button.REDO in pressed:
-            return DriveEnd.REDO
         if Button.PAUSE in pressed:
             return DriveEnd.PAUSED
         return None
@@ -55,11 +53,12 @@ class PersonWatch:
         acts = self._screen.acts()
         if Button.PAUSE in pressed:
             acts.append(Act.CONFIRM)
-        if Button.REDO in pressed:
-            acts.append(Act.REDO)
         return acts
 
     def _pressed(self, sample: DeviceSample) -> frozenset[Button]:
+        """Buttons that went down just now; redo is asked for once more, as its key is."""
         pressed = sample.buttons - self._held
         self._held = sample.buttons
+        if Button.REDO in pressed:
+            self._screen.press(Act.REDO)
         return pressed

@@ -1,5 +1,6 @@
 """Rollouts that tests of teachers and of mappers share, and an X server of a test's own."""
 
+import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,6 +14,9 @@ from steerlab.sim.geometry import Pose2D
 from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.world import WorldSpec
 from tests.teleop.display import Display
+
+# Programs that tests start keep what Python compiles: without it each compiles PyTorch again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # How long an example takes is a matter of the machine, and of what else it does.
 settings.register_profile("steerlab", deadline=None)

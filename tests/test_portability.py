@@ -34,6 +34,7 @@ GUARDED = {
     ("app/console/connections.py", "resource"),
     ("app/console/priority.py", "os.nice"),
     ("sim/files/whole_file.py", "os.O_DIRECTORY"),
+    ("sim/files/machine.py", "resource"),
     ("sim/files/machine.py", "os.sched_getaffinity"),
     ("sim/files/machine.py", "os.getloadavg"),
     ("sim/engine/camera.py", "os.register_at_fork"),

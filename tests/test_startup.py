@@ -40,7 +40,7 @@ WITH_NETWORKS = {
     ],
 }
 NOT_ALWAYS_INSTALLED = ["steerlab.sim.engine.drive_to_ball"]  # the extra dm-control
-WITH_STATISTICS_OR_FIGURES = ["analyze", "power"]
+WITH_STATISTICS_OR_FIGURES = ["analyze", "export", "power"]
 LEARNING_WITHOUT_NETWORKS = [
     "steerlab.learning." + name
     for name in (

@@ -29,7 +29,7 @@ COMMANDS: dict[str, tuple[str, tuple[str, ...]]] = {
     "demo": ("verb", ("--out", "demo")),
     "doctor": ("verb", ()),
     "wheel": ("verb", ("list",)),
-    "drive": ("interrupt:4", ("--device", "scripted:low:1", "--no-pedals")),
+    "drive": ("verb", ("--device", "scripted:low:1", "--no-pedals", "--balls", "1")),
     "correct": (
         "verb",
         ("corrected", "--participant", "P01", "--rollouts", "1", "--device", "scripted:low:1"),
@@ -58,6 +58,7 @@ COMMANDS: dict[str, tuple[str, tuple[str, ...]]] = {
         ),
     ),
     "analyze": ("verb", ("{study}", "--out", "analysed")),
+    "export": ("verb", ("{study}", "--format", "csv", "--out", "exported")),
     "power": (
         "verb",
         (

@@ -47,7 +47,7 @@ class Size:
 
 CPU = Size("PyTorch's CPU build", 0.2, 0.7)
 CUDA = Size("PyTorch's build for NVIDIA cards", 2.7, 4.8)
-OTHERS = {"run": Size("packages", 0.4, 1.4), "dev": Size("packages for tests", 0.9, 3.1)}
+OTHERS = {"run": Size("packages", 0.4, 1.4), "dev": Size("packages for tests", 0.9, 3.2)}
 
 
 class CannotInstall(Exception):

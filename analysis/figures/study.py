@@ -32,7 +32,7 @@ _MARKERS = {"training": (SEEN_MARKER, PAPER), "test": (NEW_MARKER, BLUE)}
 METRIC_WORDS = {
     "success": "drives that reach the ball",
     "final_distance_m": "final distance (m)",
-    "label_mae": "mean label error",
+    "label_mae": "mean label error (wheel units)",
 }
 _ROW_IN = 0.33  # height of a construct's row
 
@@ -64,8 +64,8 @@ def style_figure(people: Mapping[str, tuple[FloatArray, FloatArray]]) -> Figure:
             markersize=5.5,
             label=f"{role} participants",
         )
-    axes.set_xlabel("lag (s): anticipating left, delayed right")
-    axes.set_ylabel("amplitude: under-correcting below, over above")
+    axes.set_xlabel("lag (s): early left of 0, late right of it")
+    axes.set_ylabel("amplitude (wheel units): too much above 0")
     _legend(figure, axes)
     return figure
 
@@ -96,13 +96,16 @@ def error_figure(people: Mapping[str, tuple[FloatArray, FloatArray]]) -> Figure:
             markersize=5.5,
             label=f"{role} participants: {better} of {len(after)} improved",
         )
-    axes.set(xlabel="mean label error as given", ylabel="mean label error as mapped")
+    axes.set(
+        xlabel="mean label error as given (wheel units)",
+        ylabel="mean label error as mapped (wheel units)",
+    )
     _legend(figure, axes)
     return figure
 
 
 def learning_curves_figure(metrics: Mapping[str, Mapping[str, Any]]) -> Figure:
-    """Means by round with 95 % intervals over people, a panel a metric that has rounds.
+    """Means by round with 95 % intervals over enough people, a panel a metric that has rounds.
 
     Args:
         metrics: by metric, ``curves`` by condition as in ``tables.json``.
@@ -131,7 +134,7 @@ def learning_curves_figure(metrics: Mapping[str, Mapping[str, Any]]) -> Figure:
                 markersize=3,
                 label=learner_name(name),
             )
-            known = [row for row in curve if isinstance(row["ci95"], list)]
+            known = [row for row in curve if row["too_few"] is None]
             if known:
                 low, high = np.array([row["ci95"] for row in known]).T
                 rounds = [row["round"] for row in known]
@@ -202,7 +205,7 @@ def association_figure(rows: Sequence[Association], *, by_chance: float) -> Figu
     axes.set_yticks(range(len(rows)), [row.title for row in rows])
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_xlim(-0.02, 1.02)
-    axes.set_xlabel("multiple R of w, with 95 % interval")
+    axes.set_xlabel("multiple R of w with 95 % interval (0: w says nothing of it, 1: all of it)")
     axes.tick_params(axis="y", labelsize=TEXT_PT, labelcolor=INK, length=0)
     shown = [
         Line2D(
@@ -216,7 +219,7 @@ def association_figure(rows: Sequence[Association], *, by_chance: float) -> Figu
             linestyle="none",
             label="not significant",
         ),
-        Line2D([], [], color=MUTED, linestyle="--", label="mean R by chance"),
+        Line2D([], [], color=MUTED, linestyle="--", label="R by chance alone, on average"),
     ]
     figure.legend(
         handles=shown, loc="outside upper right", ncols=3, fontsize=SMALL_PT, frameon=False
@@ -229,6 +232,7 @@ class Prediction:
     """A style metric of each person, and what a plane over w gives for it, (people,) each."""
 
     title: str
+    unit: str
     metric: FloatArray
     by_w: FloatArray
     r: float
@@ -250,7 +254,7 @@ def prediction_figure(panels: Sequence[Prediction]) -> Figure:
         axes.plot(ends, ends, color=MUTED, linewidth=0.9)
         axes.plot(panel.by_w, panel.metric, SEEN_MARKER, color=BLUE, markersize=5, alpha=0.75)
         axes.set_title(f"{panel.title}, R = {panel.r:.2f}", size=TEXT_PT, color=INK, loc="left")
-        axes.set(xlabel="as w predicts it", ylabel="as measured")
+        axes.set(xlabel="as w predicts it", ylabel=f"as measured ({panel.unit})")
     return figure
 
 

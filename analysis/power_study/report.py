@@ -25,6 +25,7 @@ from steerlab.analysis.page import render_page
 from steerlab.analysis.power_study.design import PowerDesign
 from steerlab.analysis.power_study.simulated_studies import HOLM
 from steerlab.analysis.statistics.outcome import NotComputable
+from steerlab.analysis.statistics.signed_rank_power import signed_rank_power
 from steerlab.analysis.study_tables.plain import plain
 from steerlab.analysis.study_tables.reading import Reader
 from steerlab.sim.arrays import FloatArray
@@ -221,6 +222,7 @@ def render_power(report: PowerReport) -> str:
         design=report.design,
         curves=values,
         read=Reader(),
+        h1_power=signed_rank_power(1.0, 12, alpha=report.design.alpha),
         summary=SimpleNamespace(
             seed=report.design.seed, versions=report.versions, seconds=report.seconds
         ),

@@ -7,6 +7,7 @@ from math import sqrt
 import numpy as np
 from scipy.stats import f
 
+from steerlab.analysis.statistics.attainable import by_orders
 from steerlab.analysis.statistics.noncentral import explained_interval
 from steerlab.analysis.statistics.outcome import (
     ConfidenceInterval,
@@ -40,6 +41,7 @@ class MultipleCorrelation:
         p: by permutation, (1 + as large) / (1 + permutations).
         f_p: of the F test, which supposes normal residuals.
         interval: of r, from the noncentral F for the embeddings that these people have.
+        smallest_p: that there can be with so many orders and permutations.
     """
 
     r: float
@@ -51,6 +53,7 @@ class MultipleCorrelation:
     interval: ConfidenceInterval
     n: int
     dimensions: int
+    smallest_p: float
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -124,6 +127,7 @@ def multiple_correlation(
         interval=_interval_of_r(r2, n, size, confidence),
         n=n,
         dimensions=size,
+        smallest_p=by_orders(construct, permutations),
     )
 
 

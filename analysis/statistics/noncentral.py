@@ -55,29 +55,21 @@ def smallest_multiple(n: int, dimensions: int, *, power: float = 0.8, alpha: flo
     return sqrt(noncentrality / (noncentrality + n))
 
 
-def paired_power(d: float, n: int, *, alpha: float = 0.05) -> float:
+def paired_power(d: float, n: float, *, alpha: float = 0.05) -> float:
     """Chance that a two-sided paired t test rejects a true mean difference of ``d`` of its SDs.
 
     t² is F with 1 and n - 1 degrees of freedom (scipy's noncentral t is NaN in far tails); R's
-    ``power.t.test(type = "paired", strict = TRUE)``. Wilcoxon's test has 95 % of its efficiency for
-    normal differences, and more for heavy tails.
+    ``power.t.test(type = "paired", strict = TRUE)``. ``n`` need not be whole.
 
     Raises:
         InvalidConfig: fewer than 2 people.
     """
-    return _power(n * d * d, 1, _freedom_of_pairs(n), alpha)
+    if n < 2:
+        raise InvalidConfig(f"n is {n}; a paired test needs 2 people.")
+    return _power(n * d * d, 1, n - 1, alpha)
 
 
-def smallest_paired(n: int, *, power: float = 0.8, alpha: float = 0.05) -> float:
-    """The smallest true mean difference, in its SDs, that ``n`` people find with chance ``power``.
-
-    Raises:
-        InvalidConfig: fewer than 2 people, or ``power`` is not between alpha and 1.
-    """
-    return sqrt(_noncentrality_with(power, 1, _freedom_of_pairs(n), alpha) / n)
-
-
-def _power(noncentrality: float, between: int, within: int, alpha: float) -> float:
+def _power(noncentrality: float, between: int, within: float, alpha: float) -> float:
     # 1 - cdf, as scipy 1.17's ncf.sf is below 0 for a noncentrality of 0.
     return 1.0 - float(ncf.cdf(f.isf(alpha, between, within), between, within, noncentrality))
 
@@ -110,9 +102,3 @@ def _freedom_within(n: int, dimensions: int) -> int:
     if within < 1 or dimensions < 1:
         raise InvalidConfig(f"{n} people and {dimensions} dimensions; more people are needed.")
     return within
-
-
-def _freedom_of_pairs(n: int) -> int:
-    if n < 2:
-        raise InvalidConfig(f"n is {n}; a paired test needs 2 people.")
-    return n - 1

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, f, rankdata
 
+from steerlab.analysis.statistics.attainable import by_ranks
 from steerlab.analysis.statistics.bootstrap import (
     RESAMPLES,
     percentile_interval,
@@ -34,6 +35,8 @@ class RankedConditions:
         w: Kendall's coefficient of concordance, 0 to 1: how much people agree on the order.
         interval: of w, percentiles over resampled people. Chance alone makes w positive, so it
             does not reach 0.
+        smallest_p: that there can be, if all orders of each person's ranks are counted. chi² may
+            give a smaller one: of so few people it is no approximation.
     """
 
     test: str
@@ -44,6 +47,7 @@ class RankedConditions:
     interval: ConfidenceInterval | NotComputable
     people: int
     conditions: int
+    smallest_p: float
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -189,4 +193,5 @@ def _ranked(
         interval=interval,
         people=people,
         conditions=conditions,
+        smallest_p=by_ranks(ranks),
     )

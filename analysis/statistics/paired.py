@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 from scipy.stats import binomtest, rankdata
 
+from steerlab.analysis.statistics.attainable import by_signs
 from steerlab.analysis.statistics.corrections import holm
 from steerlab.analysis.statistics.outcome import (
     ConfidenceInterval,
@@ -35,6 +36,7 @@ class SignedRanks:
     Attributes:
         v: sum of the ranks of positive differences.
         p_from: ``exact``, or ``normal`` with ties' and continuity corrections.
+        smallest_p: that there can be with so many differences.
         rank_biserial: (positive - negative) / all rank sums, -1 to 1, the effect size.
         shift: Hodges & Lehmann's estimate, the median of means of two differences.
         interval: of the shift.
@@ -46,9 +48,10 @@ class SignedRanks:
     p_from: Literal["exact", "normal"]
     rank_biserial: float
     shift: float
-    interval: ConfidenceInterval
+    interval: ConfidenceInterval | NotComputable
     n: int
     equal: int
+    smallest_p: float
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -61,6 +64,7 @@ class McNemar:
         share_interval: Clopper & Pearson's.
         difference: success rate of the first less that of the second, the effect size.
         difference_interval: Bonett & Price's adjusted Wald (2012).
+        smallest_p: that there can be if so many differ.
     """
 
     only_first: int
@@ -71,6 +75,7 @@ class McNemar:
     difference: float
     difference_interval: ConfidenceInterval
     n: int
+    smallest_p: float
 
 
 PairTest = TypeVar("PairTest", SignedRanks, McNemar)
@@ -78,12 +83,17 @@ PairTest = TypeVar("PairTest", SignedRanks, McNemar)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ConditionPair(Generic[PairTest]):
-    """Two conditions compared; ``p_holm`` counts the pairs that could be tested."""
+    """Two conditions compared; ``p_holm`` counts the pairs that could be tested.
+
+    Attributes:
+        smallest_p_holm: the smallest ``p_holm`` that there can be.
+    """
 
     first: str
     second: str
     test: PairTest | NotComputable
     p_holm: float | NotComputable
+    smallest_p_holm: float | NotComputable
 
 
 def wilcoxon(
@@ -92,7 +102,8 @@ def wilcoxon(
     """Paired Wilcoxon test, (n,) each; R's ``wilcox.test(first, second, paired = TRUE)``.
 
     As in R the p-value is exact below 50 people without ties or equal pairs. The interval comes
-    from the means of two differences; with ties R searches for it in another way.
+    from the means of two differences; with ties R searches for it in another way. Where not even
+    the smallest and the largest mean reach ``confidence``, there is none; R gives these two.
     ``scipy.stats.wilcoxon`` has the same p, but neither an interval nor the distribution that the
     interval needs, and its p alone takes longer than all of this: simulated studies would wait.
 
@@ -121,11 +132,16 @@ def wilcoxon(
         p_from="exact" if exact else "normal",
         rank_biserial=4.0 * v / (n * (n + 1)) - 1.0,
         shift=float(np.median(means)),
-        interval=ConfidenceInterval(
+        interval=NotComputable(
+            reason=f"{len(first)} people are too few for a {100 * confidence:g} % interval of ranks"
+        )
+        if rank < 1
+        else ConfidenceInterval(
             low=float(means[rank - 1]), high=float(means[-rank]), confidence=confidence
         ),
         n=len(first),
         equal=len(first) - n,
+        smallest_p=by_signs(n),
     )
 
 
@@ -166,6 +182,7 @@ def mcnemar(
             confidence=confidence,
         ),
         n=n,
+        smallest_p=by_signs(more + less),
     )
 
 
@@ -186,17 +203,16 @@ def all_pairs(
         )
     pairs = list(combinations(range(len(conditions)), 2))
     tests = [test(table[:, first], table[:, second]) for first, second in pairs]
-    adjusted = iter(
-        holm(
-            np.array([result.p for result in tests if not isinstance(result, NotComputable)])
-        ).tolist()
-    )
+    known = [result for result in tests if not isinstance(result, NotComputable)]
+    adjusted = iter(holm(np.array([result.p for result in known])).tolist())
+    smallest = iter(holm(np.array([result.smallest_p for result in known])).tolist())
     return [
         ConditionPair(
             first=conditions[first],
             second=conditions[second],
             test=result,
             p_holm=result if isinstance(result, NotComputable) else next(adjusted),
+            smallest_p_holm=result if isinstance(result, NotComputable) else next(smallest),
         )
         for (first, second), result in zip(pairs, tests, strict=True)
     ]
@@ -208,7 +224,7 @@ def _pairs_of_people(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @lru_cache(maxsize=MOST_EXACT)
-def _signed_rank_shares(n: int) -> FloatArray:
+def signed_rank_shares(n: int) -> FloatArray:
     """Probability that the positive rank sum is 0, 1, ... n(n+1)/2 under the null."""
     shares = np.zeros(n * (n + 1) // 2 + 1)
     shares[0] = 1.0
@@ -220,7 +236,7 @@ def _signed_rank_shares(n: int) -> FloatArray:
 
 
 def _exact_p(v: float, n: int) -> float:
-    shares, v = _signed_rank_shares(n), round(v)
+    shares, v = signed_rank_shares(n), round(v)
     return min(1.0, 2.0 * float(min(shares[: v + 1].sum(), shares[v:].sum())))
 
 
@@ -231,8 +247,8 @@ def _normal_p(v: float, n: int, ties: float) -> float:
 
 
 def _interval_rank(n: int, tail: float, exact: bool) -> int:
-    """Which smallest and largest mean of two ends the interval, from 1."""
+    """Which smallest and largest mean of two ends the interval, from 1; 0 if none does."""
     if exact:
-        return max(1, int(np.searchsorted(np.cumsum(_signed_rank_shares(n)), tail)))
+        return int(np.searchsorted(np.cumsum(signed_rank_shares(n)), tail))
     spread = sqrt(n * (n + 1) * (2 * n + 1) / 24.0)
-    return max(1, floor(n * (n + 1) / 4.0 + float(ndtri(tail)) * spread))
+    return max(0, floor(n * (n + 1) / 4.0 + float(ndtri(tail)) * spread))

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import ndtri, poch
 from scipy.stats import ttest_ind
 
+from steerlab.analysis.statistics.attainable import by_groups
 from steerlab.analysis.statistics.multiple_correlation import (
     PERMUTATIONS,
     basis_of,
@@ -59,6 +60,7 @@ class HotellingT2:
     Attributes:
         p: by permuting who is in which group.
         distance: Mahalanobis distance of the means in pooled standard deviations, the effect size.
+        smallest_p: that there can be with such groups and so many permutations.
     """
 
     t2: float
@@ -67,6 +69,7 @@ class HotellingT2:
     distance: float
     n: tuple[int, int]
     dimensions: int
+    smallest_p: float
 
 
 def welch_t(
@@ -147,6 +150,7 @@ def hotelling_t2(
         distance=sqrt(t2 * n / (first * second)),
         n=(first, second),
         dimensions=size,
+        smallest_p=by_groups(first, second, permutations),
     )
 
 

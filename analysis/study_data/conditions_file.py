@@ -8,6 +8,7 @@ from steerlab.analysis.study_data.records import ConditionValue, Exclusion, NotA
 from steerlab.analysis.study_data.teach_shard import TeachShard, read_teach_shard
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig, shown
+from steerlab.sim.files.by_suffix import files_with
 from steerlab.sim.files.reading import reading
 from steerlab.sim.files.table_file import TableFile, read_table_file
 
@@ -42,7 +43,7 @@ def read_conditions(path: Path) -> tuple[ConditionValue, ...]:
 
 def left_out_teachers(path: Path) -> tuple[Exclusion, ...]:
     """Teachers of a ``steerlab teach`` run who could not be judged, and why; none for a table."""
-    shards = [_shard(file) for file in sorted((path / "teachers").glob("*.json"))]
+    shards = [_shard(file) for file in files_with(path / "teachers", ".json")]
     return tuple(
         Exclusion(what="teacher", who=shard.teacher, why=shard.left_out[0].why)
         for shard in shards
@@ -115,7 +116,7 @@ def _positions(file: TableFile) -> FloatArray:
 
 def _of_shards(folder: Path) -> tuple[ConditionValue, ...]:
     """Each teacher's figures, averaged over learner seeds; who was left out is not there."""
-    paths = sorted((folder / "teachers").glob("*.json"))
+    paths = files_with(folder / "teachers", ".json")
     if not paths:
         raise NotAStudy(
             f"{folder} has no teachers/*.json; give the folder of a steerlab teach run, or a .csv "

@@ -14,6 +14,7 @@ from steerlab.analysis.study_data.records import Embeddings, HeldOut, Person, Ro
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.splits import StudySplit, split_rollouts, split_study
 from steerlab.sim.errors import SteerlabError
+from steerlab.sim.files.refusal import refusal
 from steerlab.sim.files.whole_file import whole_file
 from steerlab.sim.progress import Progress
 from steerlab.study.derived import ErasedMeanwhile, ErasureGuard
@@ -106,20 +107,30 @@ def network_for(
         with whole_file(path, placing) as temporary:
             save_mapper(mapper, temporary)
     except OSError as error:  # a read-only medium costs the training anew, nothing else
-        _log.warning("the network is not kept in %s: %s", cache, error.strerror or error)
+        _log.warning("the network is not kept in %s: %s", cache, refusal(error, "see its rights"))
     return mapper
 
 
 def embeddings_of(
-    mapper: "MindMeldMapper", people: Sequence[str], *, seed: int, source: str
+    mapper: "MindMeldMapper",
+    people: Sequence[str],
+    *,
+    seed: int,
+    source: str,
+    held_out: Sequence[str] = (),
 ) -> Embeddings | None:
-    """The w of those of ``people`` whom the network was trained on; None if there is nobody."""
+    """The w of those of ``people`` whom the network was trained on; None if there is nobody.
+
+    Args:
+        held_out: rollouts that it was not fitted on.
+    """
     from steerlab.learning.mapper import stack_embeddings
 
     known = tuple(p for p in people if p in mapper.people and p not in mapper.calibrated)
     if not known:
         return None
-    return Embeddings(seed=seed, source=source, people=known, w=stack_embeddings(mapper, known))
+    w = stack_embeddings(mapper, known)
+    return Embeddings(seed=seed, source=source, people=known, w=w, held_out=tuple(held_out))
 
 
 def _fingerprint(split: StudySplit, config: "MapperConfig", seed: int) -> str:
@@ -148,7 +159,7 @@ def study_networks(
     """
     training = [person.id for person in people if person.role == "training"]
     test = [person.id for person in people if person.role == "test"]
-    frozen = _frozen(study, training, notices)
+    frozen = frozen_embeddings(study, training, notices)
     embeddings = [] if frozen is None else [frozen]
     held_out: list[HeldOut] = []
     protocol = study.current()
@@ -168,13 +179,14 @@ def study_networks(
         config = replace(config, training=replace(config.training, epochs=protocol.mapper.epochs))
     for seed in range(protocol.seed, protocol.seed + networks):
         try:
-            split = split_study(series, split_rollouts(rollouts), test)
+            parts = split_rollouts(rollouts)
+            split = split_study(series, parts, test)
             cache = study.folder / MODELS
             mapper = network_for(
                 split, config, seed=seed, cache=cache, progress=progress, placing=guard.placing()
             )
             source = f"trained for the analysis with seed {seed}, without the held-out rollouts"
-            w = embeddings_of(mapper, training, seed=seed, source=source)
+            w = embeddings_of(mapper, training, seed=seed, source=source, held_out=parts.held_out)
             errors = judge_both(mapper, split, seed=seed)
         except ErasedMeanwhile:
             raise
@@ -186,7 +198,9 @@ def study_networks(
     return embeddings, held_out
 
 
-def _frozen(study: OpenStudy, training: Sequence[str], notices: list[str]) -> Embeddings | None:
+def frozen_embeddings(
+    study: OpenStudy, training: Sequence[str], notices: list[str]
+) -> Embeddings | None:
     """The training participants' w in the frozen network."""
     model = frozen_model(study)
     if model is None:

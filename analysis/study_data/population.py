@@ -42,7 +42,8 @@ def read_population(folder: Path, *, networks: int, progress: Progress) -> Study
     people = {name: list(dict.fromkeys(s.person for s in series[name])) for name in _SPLITS}
     everyone = (*series["seen"], *series["new"])
     rollouts = sorted({labels.rollout for labels in everyone})  # the calibration set's own order
-    split = split_study(everyone, split_rollouts(rollouts), people["new"])
+    parts = split_rollouts(rollouts)
+    split = split_study(everyone, parts, people["new"])
     first = load_mapper(folder / MODEL)
     embeddings: list[Embeddings] = []
     held_out: list[HeldOut] = []
@@ -56,7 +57,7 @@ def read_population(folder: Path, *, networks: int, progress: Progress) -> Study
             )
         )
         source = "the run's network" if number == 0 else f"trained anew with seed {seed}"
-        w = embeddings_of(mapper, people["seen"], seed=seed, source=source)
+        w = embeddings_of(mapper, people["seen"], seed=seed, source=source, held_out=parts.held_out)
         embeddings += [] if w is None else [w]
         held_out += judge_both(mapper, split, seed=seed)
     return StudyData(

@@ -7,9 +7,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from steerlab.analysis.study_data.conduct import SCRIPTED, Conduct
 from steerlab.learning.series import LabelSeries
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig, SteerlabError
+from steerlab.study.attention import AttentionCheck
 from steerlab.study.surveys.answer_format import Value
 from steerlab.study.surveys.questionnaire import Questionnaire
 
@@ -30,6 +32,7 @@ class Person:
         order: keys of the conditions in the participant's order.
         latency_s: of the device; None if it was not measured.
         steered_with: kinds of device.
+        attention: the attention checks they were shown, of every page that was handed in.
     """
 
     id: str
@@ -38,6 +41,12 @@ class Person:
     order: tuple[str, ...] = ()
     latency_s: float | None = None
     steered_with: tuple[str, ...] = ()
+    attention: tuple[AttentionCheck, ...] = ()
+
+    @property
+    def scripted(self) -> bool:
+        """Whether a script steered."""
+        return SCRIPTED in self.steered_with
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,12 +56,14 @@ class Embeddings:
     Attributes:
         source: which network, in words.
         w: (people, d), in the order of ``people``.
+        held_out: rollouts that the network was not fitted on; empty if it was fitted on all.
     """
 
     seed: int
     source: str
     people: tuple[str, ...]
     w: FloatArray
+    held_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.w.ndim != 2 or len(self.w) != len(self.people):
@@ -160,6 +171,7 @@ class StudyData:
         flagged: (person, rollout) of attempts that broke a limit of timing.
         embeddings: of one network each, the primary one first.
         held_out: of each network and role.
+        conduct: how a study was run; None of a population run.
         notices: what the report should say, in sentences.
     """
 
@@ -176,6 +188,7 @@ class StudyData:
     plan: Plan | None = None
     exclusions: tuple[Exclusion, ...] = ()
     enrolled: int = 0
+    conduct: Conduct | None = None
     notices: tuple[str, ...] = ()
 
     def of_role(self, role: Role) -> tuple[Person, ...]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pyarrow as pa
 
 from steerlab.analysis.study_data.conditions_file import METRICS
+from steerlab.analysis.study_data.conduct import SCRIPTED, Counted, conduct_of
 from steerlab.analysis.study_data.networks import study_networks
 from steerlab.analysis.study_data.records import (
     ConditionValue,
@@ -19,6 +20,7 @@ from steerlab.analysis.study_data.records import (
 from steerlab.learning.series import LabelSeries, series_from_table
 from steerlab.sim.errors import InvalidConfig, SteerlabError
 from steerlab.sim.progress import Progress
+from steerlab.study.attention import EXCLUDED, attention_checks
 from steerlab.study.contract import Phase, PhaseKind, PhaseState, Standing
 from steerlab.study.derived import ErasureGuard
 from steerlab.study.progress import (
@@ -33,9 +35,6 @@ from steerlab.study.store.teaching import read_teaching_rounds
 from steerlab.study.study_folder import FrozenPlan, OpenStudy
 from steerlab.study.surveys.answer_format import InvalidAnswer, Value
 from steerlab.study.surveys.scoring import score
-
-Counted = Sequence[tuple[ParticipantProgress, dict[str, Attempt]]]
-"""The participants who count, each with the attempts that count, by rollout."""
 
 
 def read_study(folder: Path, *, networks: int, progress: Progress) -> StudyData:
@@ -72,23 +71,30 @@ def _read(study: OpenStudy) -> StudyData:
     counted: list[tuple[ParticipantProgress, dict[str, Attempt]]] = []
     for participant in participants:
         attempts = finished_rollouts(study, participant, finished)
-        why = _why_not(participant, attempts)
+        why = why_not_counted(study, participant, attempts)
         if why is None:
             counted.append((participant, attempts))
         else:
             exclusions.append(Exclusion(what="person", who=participant.view.id, why=why))
     exclusions += _attempts_left_out(study, counted)
-    notices = _changed_files(study)
+    notices = changed_files(study)
     people = tuple(
         _person(study, participant, attempts, notices) for participant, attempts in counted
     )
-    series = tuple(_series(study, counted))
-    simulated = bool(people) and all(set(p.steered_with) == {"scripted"} for p in people)
+    series = tuple(counted_series(study, counted))
+    scripted = frozenset(person.id for person in people if person.scripted)
+    simulated = bool(people) and all(set(p.steered_with) == {SCRIPTED} for p in people)
     devices = sorted({kind for person in people for kind in person.steered_with})
     if len(devices) > 1:
         notices.append(
             f"Participants steered with different devices ({', '.join(devices)}), whose labels are "
             f"pooled here."
+        )
+    if scripted and not simulated:
+        notices.append(
+            f"{len(scripted)} of the {len(people)} participants are scripted, and every number here "
+            f"has them in it: nothing here is a result about people. They are "
+            f"{', '.join(sorted(scripted))}."
         )
     if simulated:
         notices.append(
@@ -114,11 +120,12 @@ def _read(study: OpenStudy) -> StudyData:
         plan=_plan_of(study),
         exclusions=tuple(exclusions),
         enrolled=len(participants),
+        conduct=conduct_of(study, counted, scripted),
         notices=tuple(notices),
     )
 
 
-def _changed_files(study: OpenStudy) -> list[str]:
+def changed_files(study: OpenStudy) -> list[str]:
     """A notice if a file differs from its frozen copy: answers are scored by the file as it is."""
     try:
         study.check_unchanged()
@@ -127,9 +134,11 @@ def _changed_files(study: OpenStudy) -> list[str]:
     return []
 
 
-def _why_not(participant: ParticipantProgress, attempts: dict[str, Attempt]) -> str | None:
+def why_not_counted(
+    study: OpenStudy, participant: ParticipantProgress, attempts: dict[str, Attempt]
+) -> str | None:
     """Why a participant does not count; None if they do."""
-    standing, rollouts = participant.view.standing, participant.protocol.rollouts
+    standing, rollouts = participant.view.standing, participant.rollouts
     if standing is Standing.WITHDRAWN_ERASED:
         return "withdrew, and their data are erased"
     if standing is Standing.DECLINED:
@@ -138,13 +147,20 @@ def _why_not(participant: ParticipantProgress, attempts: dict[str, Attempt]) -> 
     left = " (withdrew, data kept)" if standing is Standing.WITHDRAWN_KEPT else ""
     if missing:
         return f"no finished attempt at {len(missing)} of {len(rollouts)} rollouts{left}"
+    taught = [state for phase, state in participant.view.phases if phase.kind is PhaseKind.TEACH]
+    if not rollouts and PhaseState.DONE not in taught:
+        return f"taught no robot to the end{left}"
+    if EXCLUDED in study.current().plan.exclusions:
+        checks = attention_checks(study, participant)
+        if failed := sum(not check.passed for check in checks):
+            return f"failed {failed} of {len(checks)} attention checks, which the plan excludes by"
     return None
 
 
 def _attempts_left_out(study: OpenStudy, counted: Counted) -> list[Exclusion]:
     """Attempts that do not count, of participants who do."""
     counting = {participant.view.id: set(attempts.values()) for participant, attempts in counted}
-    rollouts = {participant.view.id: participant.protocol.rollouts for participant, _ in counted}
+    rollouts = {participant.view.id: participant.rollouts for participant, _ in counted}
     exclusions: list[Exclusion] = []
     for attempt in study.store.attempts():
         who = attempt.participant
@@ -186,10 +202,11 @@ def _person(
         order=participant.view.order,
         latency_s=None if latency_ms is None else latency_ms / 1000.0,
         steered_with=tuple(sorted({session.input_kind for session in sessions})),
+        attention=attention_checks(study, participant),
     )
 
 
-def _series(study: OpenStudy, counted: Counted) -> list[LabelSeries]:
+def counted_series(study: OpenStudy, counted: Counted) -> list[LabelSeries]:
     """Labels of the attempts that count, by participant and then rollout as in the protocol."""
     keys = {attempt.key for _, attempts in counted for attempt in attempts.values()}
     if not keys:
@@ -200,7 +217,7 @@ def _series(study: OpenStudy, counted: Counted) -> list[LabelSeries]:
     position = {
         (participant.view.id, rollout): (row, column)
         for row, (participant, _) in enumerate(counted)
-        for column, rollout in enumerate(participant.protocol.rollouts)
+        for column, rollout in enumerate(participant.rollouts)
     }
     labels = series_from_table(table.filter(keep))
     return sorted(labels, key=lambda series: position[series.person, series.rollout])
@@ -221,7 +238,7 @@ def _answers_about_themselves(
         if phase.condition is None:
             given = answers_of(study, participant, phase.id) if done else {}
             for key in phase.questionnaires:
-                answers[key] = _allowed(study, participant, key, given.get(key, {}), notices)
+                answers[key] = allowed_answers(study, participant, key, given.get(key, {}), notices)
     return answers
 
 
@@ -235,7 +252,7 @@ def _scores_after_conditions(
             continue
         given = answers_of(study, participant, phase.id)
         for key in phase.questionnaires:
-            answers = _allowed(study, participant, key, given.get(key, {}), notices)
+            answers = allowed_answers(study, participant, key, given.get(key, {}), notices)
             values += [
                 ConditionValue(
                     person=participant.view.id,
@@ -257,7 +274,7 @@ def _questionnaire_phases(participant: ParticipantProgress) -> Iterator[tuple[Ph
             yield phase, state is PhaseState.DONE
 
 
-def _allowed(
+def allowed_answers(
     study: OpenStudy,
     participant: ParticipantProgress,
     key: str,

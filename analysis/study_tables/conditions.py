@@ -12,6 +12,7 @@ from steerlab.analysis.statistics.outcome import NotComputable, too_few
 from steerlab.analysis.statistics.paired import all_pairs, mcnemar, wilcoxon
 from steerlab.analysis.study_data.records import ConditionValue, StudyData
 from steerlab.analysis.study_tables.plain import empty, plain
+from steerlab.analysis.study_tables.sizes import BANDS, mark
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.seeds import rng_for
 
@@ -67,9 +68,7 @@ def _metric(values: Sequence[ConditionValue], metric: str, seed: int) -> dict[st
             for who in people
             if who not in complete
         ],
-        "tested": "mean over rounds after the demonstration"
-        if metric in OVER_ROUNDS
-        else "after the last round",
+        "tested": _when(values, metric),
         "means": {name: _mean_cell(cells, people, name) for name in names},
         "curves": _curves(values, names, seed),
     }
@@ -90,6 +89,16 @@ def _metric(values: Sequence[ConditionValue], metric: str, seed: int) -> dict[st
         "pairs": [plain(pair) for pair in all_pairs(table, names, wilcoxon)],
         "binary": _binary(table, names, metric, rng),
     }
+
+
+def _when(values: Sequence[ConditionValue], metric: str) -> str:
+    if all(value.round is None for value in values):
+        return "asked after the condition"
+    return (
+        "mean over rounds after the demonstration"
+        if metric in OVER_ROUNDS
+        else "after the last round"
+    )
 
 
 def _mean_cell(
@@ -168,6 +177,7 @@ def _curves(
                     "people": len(known),
                     "mean": plain(np.mean(known)),
                     "ci95": plain(missing or mean_interval(np.array(known), rng)),
+                    "too_few": mark(len(known), BANDS),
                 }
             )
     return curves

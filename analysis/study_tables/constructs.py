@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from steerlab.analysis.statistics.outcome import NotComputable
-from steerlab.analysis.study_data.records import Person, StudyData
+from steerlab.analysis.study_data.records import Embeddings, Person, StudyData
 from steerlab.analysis.style.person_style import PersonStyle
 from steerlab.sim.arrays import FloatArray
 from steerlab.study.surveys.questionnaire import Questionnaire
@@ -47,6 +47,9 @@ DEFAULT_STYLES = {"H3a": "amplitude_total", "H3b": "lag_s"}
 (``docs/statistics.md``)."""
 
 
+NO_HELD_OUT = "no network was trained without the rollouts that style would be measured on"
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Construct:
     """One quantity of each person.
@@ -54,8 +57,11 @@ class Construct:
     Attributes:
         key: ``mini_ipip_5.extraversion``, or a style metric's.
         family: it counts among the tests that are corrected together, the paper's Table 2.
+        rollouts: that it was measured on; only w of networks that were not fitted on them goes with
+            it, or the noise of one drive would be in both. Empty if it was measured on none.
         people: who has a value; ``values`` (n,) are theirs.
         missing: why the others have none, by person.
+        none: why nobody has a value, where that is no matter of single people; else empty.
     """
 
     key: str
@@ -65,6 +71,14 @@ class Construct:
     people: tuple[str, ...]
     values: FloatArray
     missing: Mapping[str, str]
+    rollouts: tuple[str, ...] = ()
+    none: str = ""
+
+    def networks(self, data: StudyData) -> tuple[Embeddings, ...]:
+        """Those whose w may be compared with it, the primary one first."""
+        return tuple(
+            w for w in data.embeddings if not self.rollouts or set(self.rollouts) <= set(w.held_out)
+        )
 
 
 def main_scales(questionnaire: Questionnaire) -> tuple[str, ...]:
@@ -129,9 +143,18 @@ def survey_constructs(data: StudyData, people: Sequence[Person]) -> list[Constru
 
 
 def style_constructs(
-    styles: Sequence[PersonStyle], people: Sequence[Person], primary: Mapping[str, str]
+    styles: Sequence[PersonStyle],
+    people: Sequence[Person],
+    primary: Mapping[str, str],
+    rollouts: tuple[str, ...],
 ) -> list[Construct]:
-    """The style metrics; those of ``primary`` (by hypothesis) are the family's."""
+    """The style metrics; those of ``primary`` (by hypothesis) are the family's.
+
+    Args:
+        styles: measured on ``rollouts`` alone, which some network was not fitted on. If there are
+            none, no metric has a value.
+    """
+    styles = styles if rollouts else ()
     wanted = {person.id for person in people}
     of_people = [style for style in styles if style.person in wanted]
     have = {style.person for style in of_people}
@@ -142,7 +165,8 @@ def style_constructs(
         cells = {style.person: getattr(style, key) for style in of_people}
         values = {who: cell for who, cell in cells.items() if not isinstance(cell, NotComputable)}
         missing = {who: cell.reason for who, cell in cells.items() if who not in values}
-        missing |= {person.id: "has no labels" for person in people if person.id not in have}
+        if rollouts:
+            missing |= {person.id: "has no labels" for person in people if person.id not in have}
         constructs.append(
             Construct(
                 key=key,
@@ -152,9 +176,16 @@ def style_constructs(
                 people=tuple(values),
                 values=np.array(list(values.values()), dtype=np.float64),
                 missing=missing,
+                rollouts=rollouts,
+                none="" if rollouts else NO_HELD_OUT,
             )
         )
     return constructs
+
+
+def style_rollouts(data: StudyData) -> tuple[str, ...]:
+    """Those that networks were not fitted on: what style is measured on where w is compared with it."""
+    return next((w.held_out for w in data.embeddings if w.held_out), ())
 
 
 def planned_styles(data: StudyData) -> dict[str, str]:

@@ -45,7 +45,9 @@ def _flat(row: Row) -> dict[str, Any]:
 
 
 def _table2_row(row: Row) -> dict[str, Any]:
-    named: dict[str, Any] = {k: row[k] for k in ("key", "title", "family", "people", "left_out")}
+    named: dict[str, Any] = {
+        k: row[k] for k in ("key", "title", "family", "people", "left_out", "too_few")
+    }
     for part, keys in (
         ("primary", ("r", "p", "interval", "adjusted_r2", "f_p")),
         ("networks", ("r", "p", "interval", "lowest", "highest", "networks")),
@@ -53,7 +55,8 @@ def _table2_row(row: Row) -> dict[str, Any]:
         for key in keys:
             name = "ci95" if key == "interval" else key
             named[f"{part}_{name}"] = row[part] if is_empty(row[part]) else row[part][key]
-    return _flat(named | {"holm": row["holm"], "bh": row["bh"]})
+    rollouts = " ".join(row["rollouts"])
+    return _flat(named | {"holm": row["holm"], "bh": row["bh"], "measured_on": rollouts})
 
 
 def _paper_rows(rows: Sequence[Row]) -> Iterable[dict[str, Any]]:
@@ -67,6 +70,7 @@ def _paper_rows(rows: Sequence[Row]) -> Iterable[dict[str, Any]]:
 
 def _hypothesis(row: Row) -> dict[str, Any]:
     effect, power = row["effect"], row["power"]
+    none = is_empty(power)
     return _flat(
         {
             **{key: row[key] for key in ("id", "text", "primary", "planned", "test", "n")},
@@ -77,8 +81,12 @@ def _hypothesis(row: Row) -> dict[str, Any]:
             "effect_what": effect if is_empty(effect) else effect["what"],
             "effect": effect if is_empty(effect) else effect["value"],
             "effect_ci95": effect if is_empty(effect) else effect["ci95"],
-            "smallest_effect_80": power if is_empty(power) else power["smallest_effect_80"],
-            "power_of_medium": power if is_empty(power) else power["of_medium"],
+            "smallest_effect_80": power if none else power["smallest_effect_80"],
+            "power_of_medium": power if none else power["of_medium"],
+            "power_test": power if none else power["test"],
+            "power_level": power if none else power["level"],
+            "smallest_p": row.get("smallest_p", row["p"]),
+            "why_not_testable": row.get("why"),
         }
     )
 

@@ -1,4 +1,8 @@
-"""The paper's hypotheses and the planned comparison: verdict, effect size, interval, power."""
+"""The paper's hypotheses and the planned comparison: verdict, effect size, interval, power.
+
+A hypothesis whose test cannot come out below alpha, whatever people do, was not tested: its verdict
+is ``not testable``, with the smallest p there could have been.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -6,17 +10,14 @@ from typing import Any
 import numpy as np
 
 from steerlab.analysis.statistics.corrections import benjamini_hochberg, holm
-from steerlab.analysis.statistics.noncentral import (
-    multiple_power,
-    paired_power,
-    smallest_multiple,
-    smallest_paired,
-)
+from steerlab.analysis.statistics.noncentral import multiple_power, smallest_multiple
 from steerlab.analysis.statistics.outcome import NotComputable
 from steerlab.analysis.statistics.paired import wilcoxon
+from steerlab.analysis.statistics.signed_rank_power import signed_rank_power, smallest_signed_rank
 from steerlab.analysis.study_data.records import PlannedHypothesis, StudyData
 from steerlab.analysis.study_tables.label_quality import NO_ERROR, NOT_HELD_OUT, person_errors
-from steerlab.analysis.study_tables.plain import empty, is_empty, plain
+from steerlab.analysis.study_tables.plain import EMPTY, empty, is_empty, plain
+from steerlab.analysis.wording import learner_name, p_value
 
 MEDIUM_R, LARGE_R, MEDIUM_D = 0.3, 0.5, 0.5  # Cohen's conventions, for the power a sample had
 
@@ -59,13 +60,13 @@ def hypotheses(
     for row in rows:
         name = row["id"]
         if name == "H1":
-            row |= _improvement(data, alpha)
+            row |= _improvement(data)
         elif name == "H4":
             row |= _comparison(conditions, alpha)
         elif name in styles:
-            row |= _correlations(table2, alpha, keys=(styles[name],))
+            row |= _correlations(table2, keys=(styles[name],))
         else:
-            row |= _correlations(table2, alpha, topic=_TOPICS[name])
+            row |= _correlations(table2, topic=_TOPICS[name])
     for primary in (True, False):
         _judge([row for row in rows if row["primary"] is primary], alpha, correction)
     return rows
@@ -83,26 +84,75 @@ def _about(name: str, planned: PlannedHypothesis | None, *, any_plan: bool) -> d
 
 
 def _judge(rows: Sequence[dict[str, Any]], alpha: float, correction: str) -> None:
-    """Corrected p-values and verdicts."""
-    testable = [row for row in rows if not is_empty(row["p"])]
-    p = np.array([row["p"] for row in testable])
-    adjusted = _CORRECTIONS[correction](p).tolist() if testable else []
+    """Corrected p-values, verdicts, and power at the strictest level the corrections may ask for.
+
+    Tests that cannot be significant by themselves are no tests: they are left out of the family,
+    which the data had no say in (``statistics/attainable.py``).
+    """
     for row in rows:
         row |= {"alpha": alpha, "correction": correction}
-        if is_empty(row["p"]):
-            row |= {"p_corrected": row["p"], "verdict": "not testable"}
-    for row, value in zip(testable, adjusted, strict=True):
+        if not is_empty(row["p"]) and "why" not in row and row["smallest_p"] >= alpha:
+            row["why"] = row["smallest_is"]
+    tested = [row for row in rows if not is_empty(row["p"]) and "why" not in row]
+    correct = _CORRECTIONS[correction]
+    adjusted = correct(np.array([row["p"] for row in tested])).tolist()
+    smallest = correct(np.array([row["smallest_p"] for row in tested])).tolist()
+    for row, value, least in zip(tested, adjusted, smallest, strict=True):
+        row["p_corrected"] = plain(value)
         otherwise = row.pop("otherwise", None)
-        supported = value < alpha and otherwise is None
         if value < alpha and otherwise is not None:
             row["note"] = otherwise
-        row |= {
-            "p_corrected": plain(value),
-            "verdict": "supported" if supported else "not supported",
-        }
+        row["verdict"] = "supported" if value < alpha and otherwise is None else "not supported"
+        if least >= alpha:
+            row["why"] = (
+                f"{row['smallest_is']}, and {p_value(least)} after correction for {len(tested)} "
+                f"hypotheses"
+            )
+    for row in rows:
+        power_at, parts = row.pop("power_at", None), row.pop("tests", 1)
+        if power_at is not None:
+            family = 1 if correction == "none" else max(1, len(tested))
+            row["power"] = plain(power_at(alpha / (parts * family)))
+        if is_empty(row["p"]):
+            row["why"] = row["p"][EMPTY]
+        if "why" in row:
+            row |= {"p_corrected": empty(row["why"]), "verdict": "not testable"}
+            row.pop("otherwise", None)
+        row.pop("smallest_is", None)
 
 
-def _improvement(data: StudyData, alpha: float) -> dict[str, Any]:
+def _power_of_pairs(n: int) -> Callable[[float], dict[str, Any]]:
+    """What Wilcoxon's test of ``n`` people can find, by level."""
+    return lambda level: {
+        "smallest_effect_80": smallest_signed_rank(n, alpha=level),
+        "of_medium": signed_rank_power(MEDIUM_D, n, alpha=level),
+        "what": f"mean difference in its standard deviations; medium is {MEDIUM_D}",
+        "medium": MEDIUM_D,
+        "unit": "SD",
+        "test": "Wilcoxon’s signed ranks",
+        "level": level,
+    }
+
+
+def _power_of_r(n: int, dimensions: int) -> Callable[[float], dict[str, Any]]:
+    """What the test of multiple R can find, by level; for normal values by F, as by permutation."""
+    return lambda level: {
+        "smallest_effect_80": smallest_multiple(n, dimensions, alpha=level),
+        "of_medium": multiple_power(MEDIUM_R, n, dimensions, alpha=level),
+        "of_large": multiple_power(LARGE_R, n, dimensions, alpha=level),
+        "what": f"multiple R of one test; medium is {MEDIUM_R}, large {LARGE_R}",
+        "medium": MEDIUM_R,
+        "unit": "R",
+        "test": "F test of multiple R, which a permutation test equals for normal values",
+        "level": level,
+    }
+
+
+def _smallest_is(people: str, p: float, after: str = "") -> str:
+    return f"with {people} the smallest p there can be is {p_value(p)}{after}"
+
+
+def _improvement(data: StudyData) -> dict[str, Any]:
     held_out = [errors for errors in data.held_out if errors.role == "training"]
     test = "Wilcoxon's signed ranks of each person's mean error, given against mapped"
     if not held_out:
@@ -112,9 +162,14 @@ def _improvement(data: StudyData, alpha: float) -> dict[str, Any]:
     if isinstance(result, NotComputable):
         return _untestable(test, result.reason)
     given, mapped = float(held_out[0].before.sum()), float(held_out[0].after.sum())
+    differing = f"{result.n} people"
+    if result.equal:
+        differing = f"{result.n - result.equal} of {result.n} people whose error changed"
     return {
         "test": test,
         "p": plain(result.p),
+        "smallest_p": plain(result.smallest_p),
+        "smallest_is": _smallest_is(differing, result.smallest_p),
         "otherwise": None if result.shift > 0.0 else "the labels got worse",
         "effect": {
             "what": "median fall of the mean label error, wheel units",
@@ -124,16 +179,12 @@ def _improvement(data: StudyData, alpha: float) -> dict[str, Any]:
             "share_removed": plain(1.0 - mapped / given) if given else empty(NO_ERROR),
         },
         "n": result.n,
-        "power": {
-            "smallest_effect_80": plain(smallest_paired(result.n, alpha=alpha)),
-            "of_medium": plain(paired_power(MEDIUM_D, result.n, alpha=alpha)),
-            "what": f"mean difference in its standard deviations; medium is {MEDIUM_D}",
-        },
+        "power_at": _power_of_pairs(result.n),
     }
 
 
 def _correlations(
-    table2: Mapping[str, Any], alpha: float, *, topic: str = "", keys: Sequence[str] = ()
+    table2: Mapping[str, Any], *, topic: str = "", keys: Sequence[str] = ()
 ) -> dict[str, Any]:
     test = "multiple R of w, p by permutation"
     rows = [
@@ -151,11 +202,17 @@ def _correlations(
     if len(tested) > 1:
         test += f", the smallest of {len(tested)} after Holm"
     adjusted = holm(np.array([row["primary"]["p"] for row in tested])).tolist()
+    smallest = float(holm(np.array([row["primary"]["smallest_p"] for row in tested])).min())
     at = int(np.argmin(adjusted))
     best, n = tested[at]["primary"], tested[at]["primary"]["n"]
+    several = f" after Holm’s correction over {len(tested)} scales" if len(tested) > 1 else ""
     return {
         "test": test,
         "p": plain(adjusted[at]),
+        "smallest_p": plain(smallest),
+        "smallest_is": _smallest_is(
+            f"{n} people and {best['permutations']} permutations", smallest, several
+        ),
         "effect": {
             "what": f"multiple R with {tested[at]['title']}",
             "value": best["r"],
@@ -170,12 +227,8 @@ def _correlations(
             {"key": row["key"], "why": row["primary"]["empty"]} for row in rows if row not in tested
         ],
         "n": n,
-        "power": {
-            "smallest_effect_80": plain(smallest_multiple(n, best["dimensions"], alpha=alpha)),
-            "of_medium": plain(multiple_power(MEDIUM_R, n, best["dimensions"], alpha=alpha)),
-            "of_large": plain(multiple_power(LARGE_R, n, best["dimensions"], alpha=alpha)),
-            "what": f"multiple R of one test; medium is {MEDIUM_R}, large {LARGE_R}",
-        },
+        "tests": len(tested),
+        "power_at": _power_of_r(n, best["dimensions"]),
     }
 
 
@@ -211,25 +264,31 @@ def _comparison(conditions: Mapping[str, Any], alpha: float) -> dict[str, Any]:
         for pair in rivals
     )
     n = success["people"]
+    compared = sum(not is_empty(pair["p_holm"]) for pair in success["pairs"])
+    least = max(pair["smallest_p_holm"] for pair in rivals if not is_empty(pair["p_holm"]))
+    cannot = {
+        "why": f"with {n} people the smallest p that a pair of conditions can have is "
+        f"{p_value(least)} after Holm’s correction over {compared} pairs"
+    }
     return {
         "test": test,
         "p": success["mixed_model"]["condition"]["p"],
+        "smallest_p": 0.0,
+        "smallest_is": "",
+        **(cannot if least >= alpha else {}),
         "otherwise": None
         if better
         else "conditions differ, but MIND MELD is not better than every rival after Holm",
         "effect": {
-            "what": f"success, {ours} less {weakest['rival']}, the closer rival",
+            "what": f"success, {learner_name(ours)} less {learner_name(weakest['rival'])}, the closer rival",
             "value": weakest["shift"],
             "ci95": weakest["ci95"],
             "rank_biserial": weakest["rank_biserial"],
         },
         "parts": rivals,
         "n": n,
-        "power": {
-            "smallest_effect_80": plain(smallest_paired(n, alpha=alpha)),
-            "of_medium": plain(paired_power(MEDIUM_D, n, alpha=alpha)),
-            "what": f"mean difference of two conditions in its SDs; medium is {MEDIUM_D}",
-        },
+        "tests": compared,
+        "power_at": _power_of_pairs(n),
     }
 
 
@@ -240,14 +299,16 @@ def _toward(pair: Mapping[str, Any], ours: str) -> dict[str, Any]:
     test = pair["test"]
     if is_empty(test):
         return {"rival": rival, "p": test, "p_holm": test, "shift": 0.0}
-    sign = 1.0 if first else -1.0
-    low, high = sorted(sign * limit for limit in test["interval"])
+    sign, interval = 1.0 if first else -1.0, test["interval"]
+    if not is_empty(interval):
+        interval = [plain(limit) for limit in sorted(sign * limit for limit in interval)]
     return {
         "rival": rival,
         "p": test["p"],
         "p_holm": pair["p_holm"],
         "shift": plain(sign * test["shift"]),
-        "ci95": [plain(low), plain(high)],
+        "smallest_p_holm": pair["smallest_p_holm"],
+        "ci95": interval,
         "rank_biserial": plain(sign * test["rank_biserial"]),
     }
 

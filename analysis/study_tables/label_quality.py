@@ -12,6 +12,7 @@ from steerlab.analysis.statistics.bootstrap import (
 from steerlab.analysis.statistics.outcome import ConfidenceInterval, NotComputable, too_few
 from steerlab.analysis.study_data.records import HeldOut, Role, StudyData
 from steerlab.analysis.study_tables.plain import empty, plain
+from steerlab.analysis.study_tables.sizes import BANDS, mark
 from steerlab.sim.arrays import FloatArray
 
 _SPLITS: tuple[tuple[Role, str], ...] = (("training", "seen"), ("test", "new"))
@@ -78,13 +79,19 @@ def _quality(errors: HeldOut, seed: int) -> dict[str, Any]:
     with_error = errors.before > 0.0
     if labels == 0:
         nothing = empty("no held-out label is valid")
-        return {"seed": errors.seed, "people": len(errors.people), "labels": 0} | dict.fromkeys(
+        return {
+            "seed": errors.seed,
+            "people": len(errors.people),
+            "too_few": mark(len(errors.people), BANDS),
+            "labels": 0,
+        } | dict.fromkeys(
             ("mae_before", "mae_after", "improvement", "ci95", "person_median"), nothing
         )
     medians = 1.0 - errors.after[with_error] / errors.before[with_error]
     return {
         "seed": errors.seed,
         "people": len(errors.people),
+        "too_few": mark(len(errors.people), BANDS),
         "labels": labels,
         "mae_before": plain(before / labels),
         "mae_after": plain(after / labels),

@@ -23,6 +23,7 @@ from steerlab.analysis.statistics.two_groups import hotelling_t2, welch_t
 from steerlab.analysis.study_data.records import Embeddings, Person, StudyData
 from steerlab.analysis.study_tables.constructs import Construct, asked_of, main_scales
 from steerlab.analysis.study_tables.plain import empty, is_empty, plain
+from steerlab.analysis.study_tables.sizes import ALPHA, CORRELATIONS, mark
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.seeds import rng_for
 from steerlab.study.surveys.questionnaire import Questionnaire
@@ -97,6 +98,7 @@ def _scale_row(
         "alpha_ci95": empty(alpha.reason)
         if alpha.low is None or alpha.high is None
         else [plain(alpha.low), plain(alpha.high)],
+        "alpha_too_few": mark(n, ALPHA),
         "sub_scale": scale not in main_scales(questionnaire),
         "unvalidated": questionnaire.unvalidated,
     }
@@ -115,8 +117,10 @@ def table2(
 ) -> dict[str, Any]:
     """Each construct and w of the training participants.
 
-    ``rows``: the primary test (multiple R of the first network's w, Holm and BH over the family),
-    all networks together, each dimension by the paper's switch, and the first component.
+    ``rows``: the primary test (multiple R of w, Holm and BH over the family), all networks together,
+    each dimension by the paper's switch, and the first component. A score goes with the first
+    network's w; a style metric with that of the first network that was not fitted on the drives it
+    was measured on.
     """
     if not data.embeddings:
         return {"rows": [], "gender": empty(NO_W), "networks": [], "why_empty": NO_W}
@@ -130,6 +134,7 @@ def table2(
                 "source": embeddings.source,
                 "people": len(embeddings.people),
                 "dimensions": embeddings.w.shape[1],
+                "held_out": list(embeddings.held_out),
             }
             for embeddings in data.embeddings
         ],
@@ -149,10 +154,11 @@ def matched(embeddings: Embeddings, construct: Construct) -> tuple[tuple[str, ..
 def _construct_row(
     data: StudyData, construct: Construct, seed: int, permutations: int
 ) -> dict[str, Any]:
-    first = data.embeddings[0]
+    networks = construct.networks(data)
+    first = networks[0] if networks else data.embeddings[0]
     people, values = matched(first, construct)
     rng = rng_for(seed, construct.key)
-    missing = _why_missing(construct) if len(people) < FEWEST else None
+    missing = _why_missing(construct, len(people)) if len(people) < FEWEST else None
     row: dict[str, Any] = {
         "key": construct.key,
         "title": construct.title,
@@ -160,6 +166,9 @@ def _construct_row(
         "family": construct.family,
         "people": len(people),
         "left_out": len(first.people) - len(people),
+        "network": data.embeddings.index(first),
+        "rollouts": list(construct.rollouts),
+        "too_few": mark(len(people), CORRELATIONS),
     }
     if missing:
         nothing = empty(missing)
@@ -168,7 +177,7 @@ def _construct_row(
         )
     w = first.of(people)
     primary = multiple_correlation(w, values, rng=rng, permutations=permutations)
-    several = [e.of(people) for e in data.embeddings if set(people) <= set(e.people)]
+    several = [e.of(people) for e in networks if set(people) <= set(e.people)]
     return row | {
         "primary": plain(primary),
         "networks": plain(several_embeddings(several, values, rng=rng, permutations=permutations)),
@@ -219,12 +228,14 @@ def _correct(rows: Sequence[dict[str, Any]]) -> None:
             cell["holm"] = plain(value)
 
 
-def _why_missing(construct: Construct) -> str:
+def _why_missing(construct: Construct, people: int) -> str:
+    if construct.none:
+        return construct.none
     reasons: Mapping[str, int] = {
         why: list(construct.missing.values()).count(why) for why in construct.missing.values()
     }
     counted = "; ".join(f"{count} {why}" for why, count in reasons.items())
-    have = f"people with w and a value: {len(construct.people)}; at least {FEWEST} are needed"
+    have = f"people with w and a value: {people}; at least {FEWEST} are needed"
     return f"{have}{f' ({counted})' if counted else ''}"
 
 
@@ -252,6 +263,7 @@ def gender(data: StudyData, embeddings: Embeddings, *, seed: int, permutations: 
         "groups": list(GROUPS),
         "counts": {gender: known.count(gender) for gender in sorted(set(known))},
         "not_told": len(embeddings.people) - len(known),
+        "too_few": mark(len(people), CORRELATIONS),
         "primary": plain(hotelling_t2(w, women, rng=rng, permutations=permutations)),
         "welch": [
             {

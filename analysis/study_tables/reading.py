@@ -1,13 +1,13 @@
 """Cells of ``tables.json`` in words: numbers as they are printed, and why a cell is empty."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from markupsafe import Markup
 
 from steerlab.analysis.figures.study import METRIC_WORDS
 from steerlab.analysis.study_tables.plain import EMPTY, is_empty
-from steerlab.analysis.wording import decimal, learner_name, p_value, percent
+from steerlab.analysis.wording import count, counted, decimal, learner_name, p_value, percent
 from steerlab.study.surveys.questionnaire import Questionnaire
 
 _MINUS = "\u2212"
@@ -32,7 +32,7 @@ class Reader:
         """A cell's number, or why there is none.
 
         Args:
-            form: ``decimal`` (two digits), ``p``, ``percent``, ``count`` or ``digits3``.
+            form: ``decimal`` (two decimals), ``tenth`` (one), ``p``, ``percent`` or ``count``.
         """
         if cell is None:
             return Markup('<span class="note">–</span>')
@@ -42,8 +42,8 @@ class Reader:
             "decimal": lambda: decimal(cell),
             "p": lambda: p_value(cell),
             "percent": lambda: percent(cell),
-            "count": lambda: str(cell),
-            "digits3": lambda: f"{cell:.3g}".replace("-", _MINUS),
+            "count": lambda: count(cell),
+            "tenth": lambda: f"{cell:.1f}".replace("-", _MINUS),
         }
         return forms[form]()
 
@@ -59,7 +59,8 @@ class Reader:
         asked, _, scale = key.partition(".")
         if scale and asked in self._questionnaires:
             questionnaire = self._questionnaires[asked]
-            return f"{questionnaire.title}: {questionnaire.scale(scale).title}"
+            title, whole = questionnaire.scale(scale).title, questionnaire.title
+            return title if title.split()[0] == whole.split()[0] else f"{whole}: {title}"
         words = METRIC_WORDS.get(key, key)
         return words[:1].upper() + words[1:]
 
@@ -67,13 +68,13 @@ class Reader:
         """A condition in words."""
         return learner_name(key)
 
-    def untested(self, outcome: Mapping[str, Any]) -> Markup | str:
+    def untested(self, outcome: Mapping[str, Any]) -> str:
         """The one reason why an outcome was not tested at all; empty if any test was made."""
         tests = [outcome[name] for name in ("friedman", "repeated_measures", "mixed_model")]
         pairs = outcome["pairs"]
         tests += [pairs] if is_empty(pairs) else [pair["test"] for pair in pairs]
         reasons = {test[EMPTY] if is_empty(test) else "" for test in tests}
-        return self.why(tests[0]) if len(reasons) == 1 and "" not in reasons else ""
+        return reasons.pop() if len(reasons) == 1 else ""
 
     def why(self, cell: Mapping[str, str]) -> Markup:
         """The reason of an empty cell."""
@@ -89,6 +90,40 @@ class Reader:
     def empty(self, cell: Any) -> bool:
         """Whether a cell has no value."""
         return is_empty(cell)
+
+    def or_dash(self, cell: Any, form: str = "decimal") -> Markup | str:
+        """A cell's number; a dash where ``reasons`` says under the table why there is none."""
+        return self.number(None if is_empty(cell) else cell, form)
+
+    def reasons(self, cells: Iterable[Any]) -> str:
+        """Why some of ``cells`` are empty, each reason once."""
+        return "; ".join(dict.fromkeys(cell[EMPTY] for cell in cells if is_empty(cell)))
+
+    def same(self, rows: Sequence[Mapping[str, Any]], key: str) -> Any:
+        """What all rows have under ``key``; None if they differ."""
+        values = {row[key] for row in rows}
+        return values.pop() if len(values) == 1 else None
+
+    def cannot(self, test: Mapping[str, Any], alpha: float) -> str:
+        """Why a test could not be significant; empty if it could."""
+        smallest = test.get("smallest_p", 0.0)
+        if smallest < alpha:
+            return ""
+        return f"could not be significant: the smallest p there can be is {p_value(smallest)}"
+
+    def pairs_cannot(self, pairs: Sequence[Mapping[str, Any]], alpha: float) -> str:
+        """Why no pair of conditions could be significant; empty if one could."""
+        smallest = [p["smallest_p_holm"] for p in pairs if not is_empty(p["smallest_p_holm"])]
+        if not smallest or min(smallest) < alpha:
+            return ""
+        return (
+            f"no pair could be significant: with {counted(len(smallest), 'pair')} the smallest p "
+            f"there can be after Holm’s correction is {p_value(min(smallest))}"
+        )
+
+    def score_form(self, row: Mapping[str, Any]) -> str:
+        """Digits of a scale's scores: sums over wide ranges have one, means of answers two."""
+        return "tenth" if row["high"] - row["low"] >= 10 else "decimal"
 
     def verdict(self, row: Mapping[str, Any]) -> str:
         """A hypothesis' verdict."""

@@ -12,6 +12,7 @@ from steerlab.analysis.study_tables.constructs import (
     Construct,
     planned_styles,
     style_constructs,
+    style_rollouts,
     survey_constructs,
 )
 from steerlab.analysis.study_tables.hypotheses import hypotheses
@@ -88,10 +89,10 @@ def analyse(data: StudyData, config: AnalysisConfig) -> Analysis:
     """Compute every table; what cannot be computed says why in its cell."""
     people = data.of_role("training")
     styles = exact_styles(data)
-    primary = planned_styles(data)
+    primary, rollouts = planned_styles(data), style_rollouts(data)
     constructs = (
         *survey_constructs(data, people),
-        *style_constructs(styles, people, primary),
+        *style_constructs(exact_styles(data, rollouts=rollouts), people, primary, rollouts),
     )
     of_w = table2(data, constructs, seed=config.seed, permutations=config.permutations)
     compared = conditions(data, seed=config.seed)
@@ -118,11 +119,17 @@ def _without_flagged(
         return empty("no attempt that counts was flagged")
     if not data.embeddings:
         return empty("there is no embedding: no network was trained")
-    first = data.embeddings[0]
+    rollouts = style_rollouts(data)
+    styles = exact_styles(data, rollouts=rollouts, unflagged=True)
     cells: dict[str, Any] = {"attempts_left_out": len(data.flagged)}
-    for construct in style_constructs(exact_styles(data, unflagged=True), people, primary):
+    for construct in style_constructs(styles, people, primary, rollouts):
         if not construct.family:
             continue
+        networks = construct.networks(data)
+        if construct.none or not networks:
+            cells[construct.key] = empty(construct.none)
+            continue
+        first = networks[0]
         who, values = matched(first, construct)
         if len(who) < FEWEST:
             why = f"people with unflagged attempts: {len(who)}; {FEWEST} are needed"
@@ -159,12 +166,25 @@ def _exclusions(data: StudyData, constructs: Sequence[Construct]) -> dict[str, A
             *_without_values(constructs),
         ],
         "flagged_attempts": [list(attempt) for attempt in sorted(data.flagged)],
+        "scripted": {
+            role: sum(person.scripted for person in data.of_role(role))
+            for role in ("training", "test")
+        },
     }
 
 
-def exact_styles(data: StudyData, *, unflagged: bool = False) -> list[PersonStyle]:
-    """Styles by exact DTW; ``unflagged`` leaves out attempts that broke a limit of timing."""
+def exact_styles(
+    data: StudyData, *, rollouts: Sequence[str] | None = None, unflagged: bool = False
+) -> list[PersonStyle]:
+    """Styles by exact DTW.
+
+    Args:
+        rollouts: only of these; None is all.
+        unflagged: without attempts that broke a limit of timing.
+    """
     series: Sequence[LabelSeries] = data.series
+    if rollouts is not None:
+        series = [s for s in series if s.rollout in rollouts]
     if unflagged:
         series = [s for s in series if (s.person, s.rollout) not in data.flagged]
     return people_styles(series, latency_s=_latencies(data))

@@ -53,6 +53,17 @@ def wholes(name: str, least: int, most: int) -> PrimitiveConstructorSpec[Any]:
     return _several(lambda word: _read(name, int, word, least, most), "INT")
 
 
+def words(name: str, choices: tuple[str, ...]) -> PrimitiveConstructorSpec[Any]:
+    """The option ``name`` is any number of these words."""
+
+    def read(word: str) -> str:
+        if word not in choices:
+            raise BadArgument(f"{name} is {shown(word)}; choose from {', '.join(choices)}.")
+        return word
+
+    return _several(read, "|".join(choices))
+
+
 def _read(name: str, kind: Callable[[str], Any], word: str, least: float, most: float) -> Any:
     value: Any = word
     try:
@@ -90,10 +101,16 @@ def _several(read: Callable[[str], Any], name: str) -> PrimitiveConstructorSpec[
 if TYPE_CHECKING:
     Texts = tuple[str, ...]
     Ints = tuple[int, ...]
+    Words = tuple[str, ...]
 else:
     Texts = Annotated[object, _several(str, "STR")]
     Ints = object  # with ``wholes``
+    Words = object  # with ``words``
 
+Lsl = Annotated[
+    bool,
+    tyro.conf.arg(help="Send markers to Lab Streaming Layer as well; needs steerlab[lsl]."),
+]
 READ_AS = ConstructorRegistry()
 """How the command line reads what no option says more about: a path, whose ``~`` is a home."""
 
@@ -171,18 +188,35 @@ DeviceSpec = Annotated[
     ),
 ]
 Size = Annotated[str, tyro.conf.arg(help="Of the window, such as 960x540 or 1280x720.")]
-FullScreen = Annotated[bool, tyro.conf.arg(help="Fill the screen.")]
+SizeOrNone = Annotated[
+    TextOrNone, tyro.conf.arg(metavar="WxH", help="In a window of this size, such as 1280x720.")
+]
+Monitor = Annotated[
+    str,
+    tyro.conf.arg(metavar="N|NAME", help="Which to fill, from 0; it is remembered."),
+]
+Windowed = Annotated[bool, tyro.conf.arg(help="In a window of 960x540, not on the full screen.")]
+Sound = Annotated[bool, tyro.conf.arg(help="Engine, contact, countdown.")]
 TextScale = Annotated[
     float,
     decimal("text-scale", 0.8, 2.0),
     tyro.conf.arg(help="0.8 to 2; larger is easier to read."),
 ]
 _LONGEST_SIZE = 20  # characters
-View = Annotated[Literal["front", "chase"], tyro.conf.arg(help="From the car, or from behind it.")]
+View = Annotated[
+    Literal["driver", "front", "chase"],
+    tyro.conf.arg(help="From behind the hood, from the bumper, or from behind the car."),
+]
 
 
 def screen_config(
-    size: str, full_screen: bool = False, view: View = "front", text_scale: float = 1.0
+    size: str,
+    *,
+    full_screen: bool = False,
+    monitor: str = "",
+    view: View = "driver",
+    text_scale: float = 1.0,
+    sound: bool = False,
 ) -> "ScreenConfig":
     """The settings of a window.
 
@@ -201,6 +235,8 @@ def screen_config(
         width=int(width),
         height=int(height),
         full_screen=full_screen,
+        monitor=monitor,
+        sound=sound,
         view=view,
         text_scale=text_scale,
     )

@@ -22,10 +22,11 @@ def calibration_set(
     """
     from steerlab.sim.calibration_generator import generate_calibration_set
     from steerlab.sim.calibration_set import write_rollouts
-    from steerlab.sim.files.output_folder import OutputError
+    from steerlab.sim.files.output_folder import OutputError, check_output_file
 
     if out.exists() and not force:
         raise OutputError(f"{out} exists; choose another file, or add --force to replace it.")
+    check_output_file(out)
     with progress_bar() as progress:
         rollouts = generate_calibration_set(
             seed, on_rollout=lambda done, of: progress("driving rollouts", done / of)

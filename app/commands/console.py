@@ -20,6 +20,10 @@ def console(
     device: Annotated[
         str, tyro.conf.arg(help="At which participants sit: wheel, wheel:NAME, keyboard, ...")
     ] = "wheel",
+    kiosk: Annotated[
+        bool,
+        tyro.conf.arg(help="Page and wheel are one computer: participants start their drives."),
+    ] = False,
     allow_network: Annotated[
         bool, tyro.conf.arg(help="Serve an address that other machines can reach.")
     ] = False,
@@ -40,6 +44,7 @@ def console(
     from steerlab.app.console.config import ConsoleConfig
     from steerlab.app.console.server import serve
     from steerlab.sim.files.folder_lock import CONSOLE_LOCK, locked
+    from steerlab.sim.language import speak
     from steerlab.study.study import Study
 
     config = ConsoleConfig(
@@ -50,7 +55,8 @@ def console(
         tls_cert=tls_cert,
         tls_key=tls_key,
     )
-    Study.open(folder, read_only=True).close()  # before a lock is left in what is no study
+    with Study.open(folder, read_only=True) as study:  # before a lock is left in what is no study
+        speak(study.language)
     to_open = [True] if open else []
 
     def announce(address: str, code: str) -> None:
@@ -62,7 +68,14 @@ def console(
             webbrowser.open(address)  # without the code: other users see a command's arguments
 
     with locked(folder, CONSOLE_LOCK, "serves the pages of"):
-        last = serve(folder, lambda: Study.open(folder), config, announce=announce, device=device)
+        last = serve(
+            folder,
+            lambda: Study.open(folder),
+            config,
+            announce=announce,
+            device=device,
+            kiosk=kiosk,
+        )
     print("The console has ended; every answer is kept.")
     if last is not None and last.goes_on:
         print(f"“{last.title}” of {last.participant} still runs, process {last.pid}.")

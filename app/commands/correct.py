@@ -7,11 +7,14 @@ import tyro
 
 from steerlab.app.commands.arguments import (
     DeviceSpec,
-    FullScreen,
     Json,
-    Size,
+    Lsl,
+    Monitor,
+    SizeOrNone,
+    Sound,
     TextScale,
     View,
+    Windowed,
     screen_config,
     whole,
 )
@@ -32,10 +35,13 @@ def correct(
     pictures: Annotated[
         bool, tyro.conf.arg(help="Draw the camera into the recordings at the end.")
     ] = True,
-    size: Size = "960x540",
-    full_screen: FullScreen = False,
-    view: View = "front",
+    monitor: Monitor = "",
+    windowed: Windowed = False,
+    size: SizeOrNone = None,
+    view: View = "driver",
     text_scale: TextScale = 1.0,
+    sound: Sound = True,
+    lsl: Lsl = False,
     json: Json = False,
 ) -> int:
     """Correct the calibration rollouts: watch each drive, and steer as the car should have.
@@ -50,17 +56,27 @@ def correct(
 
     from steerlab.study.correct import CorrectConfig
     from steerlab.study.correct import correct as run
+    from steerlab.study.recording.lsl import lsl_markers, study_source
     from steerlab.teleop.attempt import SessionConfig
 
-    config = CorrectConfig(
-        participant=participant,
-        rollouts=rollouts,
-        viewer=viewer,
-        pictures=pictures,
-        screen=screen_config(size, full_screen, view, text_scale),
-        session=SessionConfig(show_agent_wheel=show_agent_wheel),
+    screen = screen_config(
+        size or "960x540",
+        full_screen=not windowed and size is None,
+        monitor=monitor,
+        view=view,
+        text_scale=text_scale,
+        sound=sound,
     )
-    with progress_bar() as progress:
+    with lsl_markers(study_source(study) if lsl else None) as markers, progress_bar() as progress:
+        config = CorrectConfig(
+            participant=participant,
+            rollouts=rollouts,
+            viewer=viewer,
+            pictures=pictures,
+            screen=screen,
+            session=SessionConfig(show_agent_wheel=show_agent_wheel),
+            markers=markers,
+        )
         done = run(study, device, config, progress)
     if json:
         print_json(asdict(done))

@@ -11,6 +11,7 @@ from steerlab.sim.progress import Progress
 
 if TYPE_CHECKING:
     from steerlab.analysis.summary import Summary
+    from steerlab.study.contract import StudyCheck
 
 
 def command_line(verb: str, settings: Mapping[str, object], out: Path, *arguments: str) -> str:
@@ -50,6 +51,14 @@ def print_where(out: Path) -> None:
     """Print where report and numbers are."""
     print(f"Report: {out / 'report' / 'index.html'}")
     print(f"Numbers: {out / 'summary.json'}")
+
+
+def print_check(check: "StudyCheck") -> None:
+    """Print what a check of a study found, and the mend."""
+    verdict = "BAD " if not check.ok else "note" if check.notice else "ok  "
+    print(f"{verdict} {check.what}: {check.found}")
+    if check.mend:
+        print(f"       mend: {check.mend}")
 
 
 @contextmanager

@@ -29,7 +29,18 @@ def replay(
         PathOrNone, tyro.conf.arg(metavar="FILE", help="Write an .rrd file instead.")
     ] = None,
     screenshot: Annotated[
-        PathOrNone, tyro.conf.arg(metavar="FILE", help="Write a .png instead; no display needed.")
+        PathOrNone,
+        tyro.conf.arg(
+            metavar="FILE",
+            help="Draw the last attempt chosen to a .png instead; no display needed.",
+        ),
+    ] = None,
+    video: Annotated[
+        PathOrNone,
+        tyro.conf.arg(
+            metavar="FILE",
+            help="Write the last attempt chosen as an .mp4 instead; needs steerlab[video].",
+        ),
     ] = None,
     at_s: Annotated[
         FloatOrNone, decimal("at-s", 0.0, 86_400.0), tyro.conf.arg(help="Moment of the screenshot.")
@@ -52,12 +63,15 @@ def replay(
         save=save,
         screenshot=screenshot,
         at_s=at_s,
+        video=video,
     )
     with progress_bar() as progress:
         shown = run(path, config, progress=progress)
-    for file in (save, screenshot):
+    for file in (save, screenshot, video):
         if file is not None:
             print(f"Wrote {file}")
-    if shown:
+    if len(shown) == 1:
+        print(f"Shown: {shown[0]}")
+    elif shown:
         print(f"{len(shown)} attempts shown")
     return 0

@@ -6,14 +6,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from steerlab.app.commands.arguments import TextOrNone, Texts
-from steerlab.app.commands.printing import print_json, progress_bar
+from steerlab.app.commands.arguments import Lsl, Monitor, Sound, TextOrNone, Texts, Windowed
+from steerlab.app.commands.printing import print_check, print_json, progress_bar
+from steerlab.app.commands.study_copies import Backup, Merge
 from steerlab.sim.progress import Progress
 
 if TYPE_CHECKING:
-    from steerlab.study.contract import ParticipantView, StudyCheck
+    from steerlab.study.contract import ParticipantView
     from steerlab.study.runner import RunConfig, RunReport
     from steerlab.study.study import Study
+    from steerlab.teleop.markers import Markers
 
 Folder = Annotated[
     tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR", help="The study's folder.")
@@ -61,10 +63,11 @@ class Enrol:
 
         with open_study(self.folder) as study:
             view = study.enrol(Role(self.role))
+            blind = study.design().blind
         if self.as_json:
-            print_json(_plain(view))
+            print_json(_plain(view, blind=blind))
         else:
-            order = f"; order {', '.join(view.order)}" if view.order else ""
+            order = f"; order {', '.join(view.order)}" if view.order and not blind else ""
             print(f"{view.id}, {view.role}{order}")
         return 0
 
@@ -103,9 +106,9 @@ class Status:
     def do(self) -> int:
         """Print."""
         with open_study(self.folder, read_only=True) as study:
-            views = study.participants()
+            views, blind = study.participants(), study.design().blind
         if self.as_json:
-            print_json([_plain(view) for view in views])
+            print_json([_plain(view, blind=blind) for view in views])
             return 0
         for view in views:
             phase = view.next_phase
@@ -171,12 +174,13 @@ class Withdraw:
         return 0
 
 
-def _plain(view: "ParticipantView") -> dict[str, object]:
+def _plain(view: "ParticipantView", *, blind: bool) -> dict[str, object]:
+    """As JSON; the order is null where the experimenter is not to know it."""
     return {
         "id": view.id,
         "role": view.role.value,
         "standing": view.standing.value,
-        "order": list(view.order),
+        "order": None if blind else list(view.order),
         "phases": {phase.id: state.value for phase, state in view.phases},
         "next": view.next_phase.id if view.next_phase else None,
         "progress": view.progress,
@@ -198,8 +202,12 @@ class Run:
     device: Annotated[
         str, tyro.conf.arg(help="wheel, wheel:NAME, gamepad, keyboard, mouse or trace:FILE.")
     ] = "wheel"
+    monitor: Monitor = ""
+    windowed: Windowed = False
+    sound: Sound = True
     viewer: Annotated[bool, tyro.conf.arg(help="Show the drives live in Rerun as well.")] = False
     recordings: Annotated[bool, tyro.conf.arg(help="Write Rerun recordings.")] = True
+    lsl: Lsl = False
     teacher: Annotated[
         TextOrNone, tyro.conf.arg(help="scripted:KIND:SEED, such as scripted:human:3.")
     ] = None
@@ -223,18 +231,25 @@ class Run:
             raise InvalidConfig("Who runs? Give --participant, or --teacher for a scripted one.")
         if self.plant and self.teacher is None:
             raise InvalidConfig("--plant is for scripted participants; give --teacher as well.")
-        with open_study(self.folder) as study, progress_bar() as progress:
-            config = self._config(progress)
+        from steerlab.study.recording.lsl import lsl_markers, study_source
+
+        with (
+            open_study(self.folder) as study,
+            lsl_markers(study_source(self.folder) if self.lsl else None) as markers,
+            progress_bar() as progress,
+        ):
+            config = self._config(progress, markers)
             if self.participant is None:
                 participant, report = study.run_new(Role(self.role), config)
             else:
                 participant, report = self.participant, study.run(self.participant, config)
         return _print_run(participant, report)
 
-    def _config(self, progress: Progress) -> "RunConfig":
+    def _config(self, progress: Progress, markers: "Markers | None") -> "RunConfig":
         from steerlab.study.runner import RunConfig
         from steerlab.study.scripted import ScriptedParticipant
         from steerlab.study.teaching.contract import all_teachings
+        from steerlab.teleop.screen.config import WindowChoice
 
         scripted = None
         if self.teacher is not None:
@@ -244,8 +259,12 @@ class Run:
             phase=self.phase,
             viewer=self.viewer,
             recordings=self.recordings,
+            window=WindowChoice(
+                monitor=self.monitor, windowed=self.windowed, silent=not self.sound
+            ),
             pages=scripted,
             teachings=all_teachings(),
+            markers=markers,
             progress=progress,
         )
 
@@ -257,10 +276,12 @@ class Resume:
     folder: Folder
     participant: Person
     device: Annotated[str, tyro.conf.arg(help="As for run.")] = "wheel"
+    lsl: Lsl = False
 
     def do(self) -> int:
         """Run."""
-        return Run(folder=self.folder, participant=self.participant, device=self.device).do()
+        who, device = self.participant, self.device
+        return Run(folder=self.folder, participant=who, device=device, lsl=self.lsl).do()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -304,7 +325,7 @@ class Verify:
             )
         else:
             for check in verified.findings:
-                _print_check(check)
+                print_check(check)
             print(f"Head of the audit (keep it elsewhere): {verified.head}")
         return 0 if verified.ok else 1
 
@@ -320,13 +341,6 @@ def _print_run(participant: str, report: "RunReport") -> int:
     return 0
 
 
-def _print_check(check: "StudyCheck") -> None:
-    verdict = "BAD " if not check.ok else "note" if check.notice else "ok  "
-    print(f"{verdict} {check.what}: {check.found}")
-    if check.mend:
-        print(f"       mend: {check.mend}")
-
-
 _Act = Annotated[
     Annotated[New, tyro.conf.subcommand("new")]
     | Annotated[Enrol, tyro.conf.subcommand("enrol")]
@@ -336,6 +350,8 @@ _Act = Annotated[
     | Annotated[Status, tyro.conf.subcommand("status")]
     | Annotated[Withdraw, tyro.conf.subcommand("withdraw")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
+    | Annotated[Backup, tyro.conf.subcommand("backup")]
+    | Annotated[Merge, tyro.conf.subcommand("merge")]
     | Annotated[Redo, tyro.conf.subcommand("redo")]
     | Annotated[Note, tyro.conf.subcommand("note")]
     | Annotated[Amend, tyro.conf.subcommand("amend")],

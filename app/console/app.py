@@ -14,10 +14,13 @@ from starlette.types import ASGIApp
 
 from steerlab.app.console import texts
 from steerlab.app.console.change_feed import ChangeFeed
+from steerlab.app.console.data_export import DataExport
 from steerlab.app.console.experimenter_pages import ExperimenterPages
 from steerlab.app.console.guard import BadForm, Guard
+from steerlab.app.console.own_steps import OwnSteps
 from steerlab.app.console.participant_pages import ParticipantPages
 from steerlab.app.console.rendering import busy_page, message_page, static_file
+from steerlab.app.console.short_links import ShortLinks
 from steerlab.app.console.sign_in import LoginThrottle, SignIn
 from steerlab.app.console.study_thread import StudyCheckJob, StudyThread
 from steerlab.app.console.wheel_run import WheelRuns
@@ -31,11 +34,13 @@ def make_app(
     runs: WheelRuns,
     check_job: StudyCheckJob,
     sign_in: SignIn,
+    exports: DataExport,
     *,
     origins: Sequence[str],
     address: str,
     throttle: LoginThrottle | None = None,
     changes: ChangeFeed | None = None,
+    kiosk: bool = False,
 ) -> ASGIApp:
     """The application, behind its guard.
 
@@ -44,12 +49,24 @@ def make_app(
         address: the one that participants' links begin with.
         throttle: limits wrong links and passwords.
         changes: given by a caller who wants to end the streams of open pages.
+        kiosk: the participant's page is on the computer at the wheel, and starts the drives.
     """
     changes = changes or ChangeFeed(study_thread, runs.mark, check_job.mark)
     throttle = throttle or LoginThrottle()
-    person = ParticipantPages(study_thread, changes, throttle)
+    changes.after_changes(OwnSteps(runs))
+    short_links = ShortLinks()
+    person = ParticipantPages(study_thread, runs, changes, throttle, short_links, kiosk=kiosk)
     lab = ExperimenterPages(
-        study_thread, runs, check_job, changes, sign_in, throttle, origin=address
+        study_thread,
+        runs,
+        check_job,
+        changes,
+        sign_in,
+        throttle,
+        exports,
+        short_links,
+        origin=address,
+        kiosk=kiosk,
     )
 
     @asynccontextmanager
@@ -75,12 +92,18 @@ def make_app(
         Route(f"{home}/sign-out", lab.sign_out, methods=post),
         Route(f"{home}/checks", lab.checks, methods=["GET", "POST"]),
         Route(f"{home}/events", lab.events),
+        Route(f"{home}/export", lab.export, methods=post),
         Route(f"{home}/enrol", lab.enrol, methods=post),
         Route(f"{home}/participants/{{participant}}", lab.person),
         Route(f"{home}/participants/{{participant}}/{{act}}", lab.act, methods=post),
+        Route("/go", person.enter, methods=post),
+        Route("/go", person.short),
+        Route("/go/{code}", person.short),
         Route("/p/{token}", person.show),
+        Route("/p/{token}/ready", person.ready, methods=post),
         Route("/p/{token}/events", person.events),
         Route("/p/{token}/consent", person.consent, methods=post),
+        Route("/p/{token}/consent/copy", person.consent_copy),
         Route("/p/{token}/{phase}/done", person.done, methods=post),
         Route(questions, person.questions, methods=["GET", "POST"]),
         Route(f"{questions}/answer", person.answer, methods=post),

@@ -10,6 +10,7 @@ from starlette.types import Receive, Scope, Send
 
 from steerlab.app.console.study_thread import StudyThread
 from steerlab.sim.errors import SteerlabError
+from steerlab.study.contract import StudyAccess
 
 LOOK_EVERY_S = 0.4
 STILL_THERE_S = 15.0  # a comment keeps the connection, and shows whether the page is still open
@@ -26,11 +27,16 @@ class ChangeFeed:
         """Follow the study, and whatever else has a mark that differs after each change."""
         self._study_thread = study_thread
         self._marks = marks
-        self._version = ""
+        self._then: Callable[[StudyAccess], None] | None = None
+        self._version = self._answered = ""
         self._woken = asyncio.Event()
         self._closing = False
         self._lost = False
         self._streams: Counter[str] = Counter()
+
+    def after_changes(self, then: Callable[[StudyAccess], None]) -> None:
+        """Call ``then`` with the study after each change, beginning with the next look."""
+        self._then = then
 
     @property
     def version(self) -> str:
@@ -44,6 +50,9 @@ class ChangeFeed:
         if version != self._version:
             self._version = version
             self._wake()
+        if self._then is not None and version != self._answered:
+            await self._study_thread.do(self._then)
+            self._answered = version
 
     async def try_look(self) -> None:
         """Look once; if that fails, open pages stand still until the next look."""

@@ -8,6 +8,7 @@ from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
 from steerlab.app.console import texts
 from steerlab.app.console.change_feed import ChangeFeed
+from steerlab.app.console.data_export import DataExport
 from steerlab.app.console.experimenter_views import (
     ExperimenterContext,
     checks_page,
@@ -15,9 +16,10 @@ from steerlab.app.console.experimenter_views import (
     people_page,
     person_page,
 )
-from steerlab.app.console.guard import csrf_holds, read_form
+from steerlab.app.console.guard import csrf_holds, form_key, read_form
 from steerlab.app.console.next_steps import PAGES
 from steerlab.app.console.rendering import message_page, page, too_many_page
+from steerlab.app.console.short_links import ShortLinks
 from steerlab.app.console.sign_in import BrowserSession, LoginThrottle, SignIn, client_source
 from steerlab.app.console.study_thread import StudyCheckJob, StudyThread
 from steerlab.app.console.wheel_run import WheelRuns
@@ -43,10 +45,16 @@ class ExperimenterPages:
         changes: ChangeFeed,
         sign_in: SignIn,
         throttle: LoginThrottle,
+        exports: DataExport,
+        short_links: ShortLinks,
         *,
         origin: str,
+        kiosk: bool,
     ) -> None:
-        """``origin`` is what participants' links begin with."""
+        """``origin`` is what participants' links begin with; ``kiosk`` as of ``make_app``."""
+        self._short_links = short_links
+        self._kiosk = kiosk
+        self._exports = exports
         self._study_thread = study_thread
         self._runs = runs
         self._check_job = check_job
@@ -87,6 +95,21 @@ class ExperimenterPages:
         return await self._work(
             request, lambda context, _: checks_page(context, self._check_job.view())
         )
+
+    async def export(self, request: Request) -> Response:
+        """The study's data in a format, as a .zip to download."""
+        allowed = await self._work(request, lambda context, _: Response(context.study.title))
+        if allowed.status_code != 200:  # not signed in, or the form is not ours
+            return allowed
+        try:
+            made = await self._exports.packed(request.state.posted.get("format", ""))
+        except SteerlabError as error:
+            return message_page(texts.CANNOT_TITLE, str(error), status=409, link=self._sign_in.home)
+        headers = {
+            "content-disposition": f'attachment; filename="{made.name}"',
+            "cache-control": "no-store",
+        }
+        return Response(made.content, media_type="application/zip", headers=headers)
 
     async def enrol(self, request: Request) -> Response:
         """The next participant."""
@@ -173,6 +196,8 @@ class ExperimenterPages:
                 runs=self._runs,
                 session=session,
                 throttle=self._throttle,
+                short_links=self._short_links,
+                kiosk=self._kiosk,
                 home=self._sign_in.home,
                 origin=self._origin,
                 version=self._changes.version,
@@ -225,7 +250,7 @@ def enrol_participant(context: ExperimenterContext, posted: Form) -> Response:
     if posted.get("role") not in tuple(Role):
         role = posted.get("role", "")[:80]
         raise StudyError(texts.WRONG_ROLE.format(role=role, roles=" or ".join(Role)))
-    view = context.study.enrol(Role(posted["role"]))
+    view = context.study.enrol(Role(posted["role"]), form=form_key("enrol", posted))
     return _to(context, view.id)
 
 
@@ -249,15 +274,23 @@ def start(participant: str, context: ExperimenterContext, posted: Form) -> Respo
     if phase is None or phase.kind in PAGES or phase.id != posted.get("phase"):
         title = posted.get("phase", "")[:80]
         raise StudyError(texts.RUN_NOT_NEXT.format(title=title, participant=view.id))
-    context.runs.start(view.id, phase)
+    if not _goes_on(context, view.id, phase.id):  # else it is the same form again
+        context.runs.start(view.id, phase)
+    return _to(context, view.id)
+
+
+def stop(participant: str, context: ExperimenterContext, posted: Form) -> Response:
+    """Ask the drive that the form names to end in order; pressed again, end it at once."""
+    view = context.study.participant(participant)
+    context.runs.stop(view.id, posted.get("phase", ""))
     return _to(context, view.id)
 
 
 def redo(participant: str, context: ExperimenterContext, posted: Form) -> Response:
-    """Open a finished phase again.
+    """Open a finished phase again, or the drives of it that were chosen.
 
     Raises:
-        StudyError: it is not finished, or the participant is at the wheel.
+        StudyError: it is not finished, no drive is chosen, or the participant is at the wheel.
     """
     view = context.study.participant(participant)
     phase = next((known for known, _ in view.phases if known.id == posted.get("phase")), None)
@@ -266,7 +299,13 @@ def redo(participant: str, context: ExperimenterContext, posted: Form) -> Respon
             texts.RUN_NOT_NEXT.format(title=posted.get("phase", "")[:80], participant=view.id)
         )
     _refuse_while_driving(context, view.id)
-    context.study.redo(view.id, phase.id)
+    chosen = [name for name in phase.rollouts if posted.get(f"rollout.{name}") == "yes"]
+    if posted.get("all") == "yes" or set(chosen) == set(phase.rollouts):
+        chosen = []
+    elif phase.rollouts and not chosen:
+        raise StudyError(texts.REDO_NONE_CHOSEN.format(title=phase.title))
+    key = form_key(f"redo {view.id}", posted)
+    context.study.redo(view.id, phase.id, rollouts=chosen, form=key)
     return _to(context, view.id)
 
 
@@ -277,7 +316,7 @@ def note(participant: str, context: ExperimenterContext, posted: Form) -> Respon
     if len(text) > LONGEST_NOTE:
         raise StudyError(texts.NOTE_LONG.format(count=len(text), longest=LONGEST_NOTE))
     if text:
-        context.study.note(view.id, text)
+        context.study.note(view.id, text, form=form_key(f"note {view.id}", posted))
     return _to(context, view.id)
 
 
@@ -290,21 +329,34 @@ def withdraw(participant: str, context: ExperimenterContext, posted: Form) -> Re
     if posted.get("typed", "").strip() != view.id:
         mistyped = texts.WITHDRAW_MISTYPED.format(id=view.id)
         return person_page(context, view.id, status=422, wrong=mistyped)
+    if outcome == "erase" and _goes_on(context, view.id, ""):  # the same form again
+        return _to(context, view.id)
     _refuse_while_driving(context, view.id)
-    if outcome == "erase":
-        context.runs.erase(view.id)
-    else:
+    run = context.runs.view()
+    if outcome == "keep":
         context.study.withdraw(view.id, erase=False)
+    elif run is None or not run.goes_on:
+        context.runs.erase(view.id)
+    else:  # somebody else is at the wheel, which erasing may not touch
+        if not view.standing.withdrawn:
+            context.study.withdraw(view.id, erase=False)
+        context.runs.erase_later(view.id)
     return _to(context, view.id)
 
 
 ACTS: Mapping[str, Callable[[str, ExperimenterContext, Form], Response]] = {
     "link": new_link,
     "start": start,
+    "stop": stop,
     "redo": redo,
     "note": note,
     "withdraw": withdraw,
 }
+
+
+def _goes_on(context: ExperimenterContext, participant: str, phase: str) -> bool:
+    run = context.runs.view()
+    return run is not None and run.goes_on and (run.participant, run.phase) == (participant, phase)
 
 
 def _refuse_while_driving(context: ExperimenterContext, participant: str) -> None:

@@ -6,6 +6,7 @@ changes something must come from a page of ours, and its form must fit into memo
 """
 
 import hmac
+import json
 from collections.abc import Collection, Mapping
 from hashlib import sha256
 from urllib.parse import parse_qsl
@@ -23,6 +24,7 @@ LONGEST_LENGTH = 10  # digits
 READING = ("GET",)  # not HEAD: it would use up what a GET shows once, and no page sends it
 MOST_FIELDS = 300
 CSRF_FIELD = "csrf"
+ONCE_FIELD = "once"
 
 CONTENT_POLICY = "; ".join(
     (
@@ -163,3 +165,15 @@ def csrf_token(secret: str) -> str:
 def csrf_holds(secret: str, fields: Mapping[str, str]) -> bool:
     """Whether the form was made for whoever holds ``secret``."""
     return hmac.compare_digest(csrf_token(secret).encode(), fields.get(CSRF_FIELD, "").encode())
+
+
+def form_key(act: str, fields: Mapping[str, str]) -> str | None:
+    """Names one form of one page with what was filled in, so that sending it again is no new act.
+
+    None for a form without the page's own ``ONCE_FIELD``, which no page of ours sends.
+    """
+    if not fields.get(ONCE_FIELD):
+        return None
+    said = sorted((name, value) for name, value in fields.items() if name != CSRF_FIELD)
+    text = json.dumps([act, said])
+    return sha256(text.encode("utf-8", "surrogatepass")).hexdigest()

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from steerlab.app.console import texts
-from steerlab.app.console.wheel_run import RunView
+from steerlab.app.console.wheel_run import RunView, WheelRuns
 from steerlab.study.contract import ParticipantView, Phase, PhaseKind, PhaseState, Standing
 
 PAGES = frozenset(
@@ -23,13 +23,39 @@ class NextAction(Enum):
     ERASE = auto()
 
 
+class AtWheel(Enum):
+    """What is known of the participant's next phase, at the wheel or of the computer's own."""
+
+    READY = auto()
+    RUNNING = auto()
+    STOPPED = auto()  # it was started here, has ended, and the phase has not
+    BEGUN = auto()  # and whether it goes on is unknown: another program has started it
+
+
+def at_wheel(view: ParticipantView, phase: Phase, runs: WheelRuns) -> AtWheel:
+    """How it stands with ``phase``, which is next for the participant."""
+    run = runs.view()
+    if run is not None and run.goes_on and (run.participant, run.phase) == (view.id, phase.id):
+        return AtWheel.RUNNING
+    if runs.tried(view.id, phase.id):
+        return AtWheel.STOPPED
+    begun = state_of(view, phase.id) is PhaseState.STARTED
+    return AtWheel.BEGUN if begun else AtWheel.READY
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NextStep:
-    """One participant's next step; ``phase`` is what a start or resume button is for."""
+    """One participant's next step.
+
+    Attributes:
+        phase: what a start or resume button is for.
+        stopped: what was going on ended before its time, and somebody must look.
+    """
 
     text: str
     act: NextAction = NextAction.NONE
     phase: Phase | None = None
+    stopped: bool = False
 
     @property
     def needs_experimenter(self) -> bool:
@@ -37,26 +63,33 @@ class NextStep:
         return self.act is not NextAction.NONE
 
 
-def next_step(view: ParticipantView, run: RunView | None) -> NextStep:
-    """What to do next, given the run that is at the wheel, of this participant or another."""
-    phase = view.next_phase
+def next_step(view: ParticipantView, runs: WheelRuns) -> NextStep:
+    """What to do next, given what is at the wheel, of this participant or another."""
+    phase, run = view.next_phase, runs.view()
     if phase is None:
-        return _without_phase(view, run)
+        later = view.id in runs.to_erase
+        return NextStep(text=texts.NEXT_ERASE_LATER) if later else _without_phase(view, run)
     if phase.kind in PAGES:
         if view.standing is Standing.ENROLLED:
             return NextStep(text=texts.NEXT_LINK, act=NextAction.LINK)
         return NextStep(text=texts.NEXT_PAGE.format(title=phase.title))
+    alone = phase.kind is PhaseKind.CALIBRATE_W
+    how = at_wheel(view, phase, runs)
+    if how is AtWheel.RUNNING:
+        words = texts.NEXT_COMPUTING if alone else texts.NEXT_RUNNING
+        return NextStep(text=words.format(title=phase.title))
+    if how is AtWheel.STOPPED:
+        said = texts.NEXT_STOPPED.format(title=phase.title)
+        return NextStep(text=said, act=NextAction.RESUME, phase=phase, stopped=True)
+    if alone and how is AtWheel.READY:
+        return NextStep(text=texts.NEXT_BY_ITSELF.format(title=phase.title))
     if run is not None and run.goes_on:
-        if (run.participant, run.phase) == (view.id, phase.id):
-            alone = phase.kind is PhaseKind.CALIBRATE_W
-            words = texts.NEXT_COMPUTING if alone else texts.NEXT_RUNNING
-            return NextStep(text=words.format(title=phase.title))
         return NextStep(text=texts.NEXT_OTHER_RUNS.format(participant=run.participant))
-    if state_of(view, phase.id) is PhaseState.STARTED:
+    if how is AtWheel.BEGUN:
         said = texts.NEXT_RESUME.format(title=phase.title)
         return NextStep(text=said, act=NextAction.RESUME, phase=phase)
-    words = texts.NEXT_COMPUTE if phase.kind is PhaseKind.CALIBRATE_W else texts.NEXT_START
-    return NextStep(text=words.format(title=phase.title), act=NextAction.START, phase=phase)
+    said = texts.NEXT_START.format(title=phase.title)
+    return NextStep(text=said, act=NextAction.START, phase=phase)
 
 
 def state_of(view: ParticipantView, phase: str) -> PhaseState | None:

@@ -1,6 +1,6 @@
 """What a participant sees: the page of their current step."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,9 +8,11 @@ from starlette.responses import RedirectResponse, Response
 
 from steerlab.app.console import texts
 from steerlab.app.console.guard import csrf_token
-from steerlab.app.console.next_steps import state_of, step_of
+from steerlab.app.console.next_steps import at_wheel, state_of, step_of
 from steerlab.app.console.questionnaire_form import form_fields
-from steerlab.app.console.rendering import message_page, page
+from steerlab.app.console.rendering import local_time, message_page, page
+from steerlab.app.console.wheel_run import WheelRuns
+from steerlab.study.consent import NO_ENTRIES, ConsentEntries
 from steerlab.study.contract import (
     ParticipantView,
     Phase,
@@ -20,14 +22,22 @@ from steerlab.study.contract import (
     StudyAccess,
 )
 
+LONGEST_NAME = 200  # characters of a typed signature
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ParticipantContext:
-    """A request that came by a participant's link."""
+    """A request that came by a participant's link.
+
+    Attributes:
+        kiosk: page and wheel are one computer, and the participant begins a drive themselves.
+    """
 
     study: StudyAccess
+    runs: WheelRuns
     token: str
     participant: str
+    kiosk: bool
 
     @property
     def home(self) -> str:
@@ -43,12 +53,12 @@ class ParticipantContext:
         return RedirectResponse(self.home, 303)
 
 
-def page_key(view: ParticipantView) -> str:
+def page_key(view: ParticipantView, runs: WheelRuns) -> str:
     """A key that changes when the participant's page must change."""
     phase = view.next_phase
     if phase is None:
         return str(view.standing)
-    return f"{phase.id} {state_of(view, phase.id)}"
+    return f"{phase.id} {state_of(view, phase.id)} {at_wheel(view, phase, runs).name}"
 
 
 def current_page(context: ParticipantContext) -> Response:
@@ -68,24 +78,62 @@ def current_page(context: ParticipantContext) -> Response:
         "wait.html.j2",
         **_frame(context, view, phase),
         computer=phase.kind is PhaseKind.CALIBRATE_W,
-        running=state_of(view, phase.id) is PhaseState.STARTED,
-        key=page_key(view),
-        progress=view.progress,
+        how=at_wheel(view, phase, context.runs).name,
+        key=page_key(view, context.runs),
+        kiosk=context.kiosk,
     )
 
 
 def consent_page(
-    context: ParticipantContext, view: ParticipantView, phase: Phase, *, changed: bool = False
+    context: ParticipantContext,
+    view: ParticipantView,
+    phase: Phase,
+    *,
+    changed: bool = False,
+    marks: tuple[str, ...] = (),
+    entries: ConsentEntries = NO_ENTRIES,
+    name: str = "",
 ) -> Response:
-    """Information and the two buttons; ``changed`` if another version was shown before."""
-    version, paragraphs = context.study.consent_text(context.participant)
+    """Information, what is to be ticked and signed, and the two buttons.
+
+    Args:
+        changed: another version was shown before.
+        marks: names of what a yes lacks.
+        entries, name: what was entered so far.
+    """
+    status = 409 if changed else 422 if marks else 200
     return page(
         "consent.html.j2",
-        status=409 if changed else 200,
+        status=status,
         **_frame(context, view, phase),
-        version=version,
-        paragraphs=paragraphs,
+        consent=context.study.consent_text(context.participant),
         changed=changed,
+        marks=marks,
+        entries=entries,
+        name=name,
+        longest_name=LONGEST_NAME,
+    )
+
+
+def consent_copy(context: ParticipantContext, name: str = "") -> Response:
+    """The participant's copy, to print: text, what was ticked, decision and local time.
+
+    It does not say under which code their data are: who finds it learns nothing of those.
+
+    Args:
+        name: as typed just now; it is on this page and nowhere else.
+    """
+    record = context.study.consent_record(context.participant)
+    if record is None:
+        return context.home_again()
+    return page(
+        "consent_copy.html.j2",
+        study=context.study.title,
+        title=texts.COPY_TITLE,
+        home=context.home,
+        record=record,
+        name=name,
+        when=local_time(record.at_utc),
     )
 
 
@@ -101,17 +149,29 @@ def questions_page(
     *,
     marks: Mapping[str, str] | None = None,
     typed: Mapping[str, str] | None = None,
+    follow: Collection[str] = (),
 ) -> Response:
-    """One questionnaire; with ``marks`` by item it says how many and which to look at again."""
+    """One questionnaire; with ``marks`` by item it says how many and which to look at again.
+
+    Args:
+        follow: items that the page did not show before, and that answers have led to.
+    """
     key = phase.questionnaires[number - 1]
     questionnaire = context.study.questionnaire(key)
     answers = context.study.answers(context.participant, phase.id, key)
     return page(
         "questions.html.j2",
-        status=422 if marks else 200,
+        status=422 if marks or follow else 200,
         **_frame(context, context.view(), phase),
         questionnaire=questionnaire,
-        fields=form_fields(questionnaire, answers, marks=marks, typed=typed),
+        fields=form_fields(
+            questionnaire,
+            answers,
+            order=context.study.item_order(context.participant, phase.id, key),
+            marks=marks,
+            typed=typed,
+            follow=follow,
+        ),
         path=questions_path(context, phase, number),
         number=number,
         parts=len(phase.questionnaires),
@@ -132,6 +192,7 @@ def _frame(context: ParticipantContext, view: ParticipantView, phase: Phase) -> 
     return {
         "study": context.study.title,
         "home": context.home,
+        "copy": _copy_path(context, view),
         "csrf": csrf_token(context.token),
         "title": phase.title,
         "phase": phase,
@@ -140,7 +201,21 @@ def _frame(context: ParticipantContext, view: ParticipantView, phase: Phase) -> 
     }
 
 
+def _copy_path(context: ParticipantContext, view: ParticipantView) -> str:
+    """Path of their copy of the consent; empty before there is one, and when it is erased."""
+    decided = any(
+        phase.kind is PhaseKind.CONSENT and state is not PhaseState.WAITING
+        for phase, state in view.phases
+    )
+    return f"{context.home}/consent/copy" if decided and not view.standing.erased else ""
+
+
 def _end_page(context: ParticipantContext, view: ParticipantView) -> Response:
+    if view.standing is Standing.DECLINED:
+        record = context.study.consent_record(context.participant)
+        if record is not None and record.too_young:
+            said = texts.TOO_YOUNG_TEXT.format(age=record.text.minimum_age)
+            return message_page(texts.TOO_YOUNG_TITLE, said, status=200, study=context.study.title)
     title, text = {
         Standing.DECLINED: (texts.DECLINED_TITLE, texts.DECLINED_TEXT),
         Standing.WITHDRAWN_KEPT: (texts.LEFT_TITLE, texts.LEFT_KEPT),
@@ -148,4 +223,5 @@ def _end_page(context: ParticipantContext, view: ParticipantView) -> Response:
         Standing.WITHDRAWN_ERASED: (texts.LEFT_TITLE, texts.LEFT_ERASED),
     }.get(view.standing, (texts.THANKS_TITLE, texts.THANKS_TEXT))
     paragraphs = (text, texts.LEFT_END) if view.standing.withdrawn else (text,)
-    return message_page(title, *paragraphs, status=200, study=context.study.title)
+    copy = _copy_path(context, view)
+    return message_page(title, *paragraphs, status=200, study=context.study.title, copy=copy)

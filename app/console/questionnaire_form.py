@@ -1,6 +1,7 @@
 """A questionnaire as a form: fields to show, and answers read from what was posted."""
 
-from collections.abc import Mapping
+import json
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -35,7 +36,7 @@ class Field:
 
     Attributes:
         name: of its inputs.
-        number: from 1, as people count.
+        number: from 1, as people count, of those that are shown; 0 of one that is not.
         look: ``row`` of numbered points, ``words`` where every point has some, ``list`` of
             options, ``number`` or ``text``.
         points: radio buttons, if it has any.
@@ -43,6 +44,10 @@ class Field:
         value: as posted or kept; empty if there is none.
         mark: what is wrong with it; empty if nothing is.
         hint: what may be entered.
+        shown: as far as the answers so far say.
+        depends_on: the item on whose answer that depends; empty if it is always shown.
+        shown_after: those answers, as a list in JSON.
+        follows: the last page did not show it, and answers given there lead to it.
     """
 
     name: str
@@ -58,6 +63,15 @@ class Field:
     hint: str = ""
     unit: str = ""
     longest: int = 0
+    shown: bool = True
+    depends_on: str = ""
+    shown_after: str = ""
+    follows: bool = False
+
+    @property
+    def needs_look(self) -> bool:
+        """Whether it is to be looked at again, or for the first time."""
+        return bool(self.mark) or self.follows
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -79,24 +93,32 @@ def form_fields(
     questionnaire: Questionnaire,
     answers: Mapping[str, Value],
     *,
+    order: Sequence[str],
     marks: Mapping[str, str] | None = None,
     typed: Mapping[str, str] | None = None,
+    follow: Collection[str] = (),
 ) -> list[Field]:
-    """The questions with the answers so far.
+    """All questions with the answers so far, hidden ones too, which a script may show.
 
     Args:
+        order: ids of all items, as the page has them.
         marks: what is wrong, by item.
         typed: what stands in a field though it cannot be kept, by item.
+        follow: items that the last page did not show.
     """
     fields: list[Field] = []
-    for number, item in enumerate(questionnaire.items, 1):
+    shown = {item.id for item in questionnaire.shown(answers)}
+    number = 0
+    for item in map(questionnaire.item, order):
         look, points, ends = _look(item.format)
+        number += item.id in shown
+        rule = item.shown_if
         kept = answers.get(item.id)
         fields.append(
             Field(
                 name=ITEM_PREFIX + item.id,
                 item=item.id,
-                number=number,
+                number=number if item.id in shown else 0,
                 text=item.text,
                 required=item.required,
                 look=look,
@@ -107,6 +129,10 @@ def form_fields(
                 hint=_hint(item.format),
                 unit=item.format.unit if isinstance(item.format, Number) else "",
                 longest=item.format.longest if isinstance(item.format, FreeText) else 0,
+                shown=item.id in shown,
+                depends_on="" if rule is None else rule.item,
+                shown_after="" if rule is None else json.dumps(rule.answers),
+                follows=item.id in follow,
             )
         )
     return fields
@@ -115,7 +141,10 @@ def form_fields(
 def read_posted(
     questionnaire: Questionnaire, posted: Mapping[str, str], kept: Mapping[str, Value]
 ) -> PostedAnswers:
-    """What a whole form changes about the answers that are kept."""
+    """What a whole form changes about the answers that are kept.
+
+    Fields of items that the answers hide are left alone, whatever stands in them.
+    """
     answers: dict[str, Value | None] = {}
     wrong: dict[str, str] = {}
     typed: dict[str, str] = {}
@@ -131,7 +160,13 @@ def read_posted(
             continue
         if value != kept.get(item.id):
             answers[item.id] = value
-    return PostedAnswers(answers=answers, wrong=wrong, typed=typed)
+    after = {item: value for item, value in {**kept, **answers}.items() if value is not None}
+    shown = {item.id for item in questionnaire.shown(after)}
+    return PostedAnswers(
+        answers={item: value for item, value in answers.items() if item in shown},
+        wrong={item: words for item, words in wrong.items() if item in shown},
+        typed={item: words for item, words in typed.items() if item in shown},
+    )
 
 
 def read_answer(questionnaire: Questionnaire, item: str, raw: str) -> Value | None:

@@ -1,23 +1,43 @@
 """Pages from templates, and the few static files; nothing else is ever served."""
 
 from collections.abc import Mapping
+from datetime import datetime
 from functools import cache
 from hashlib import sha256
 from importlib.resources import files
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
 
 from steerlab.app.console import texts
+from steerlab.app.console.prose import prose
 
 STATIC_TYPES = {
     "console.css": "text/css; charset=utf-8",
     "follow.js": "text/javascript; charset=utf-8",
     "answers.js": "text/javascript; charset=utf-8",
     "copy.js": "text/javascript; charset=utf-8",
+    "print.js": "text/javascript; charset=utf-8",
 }
+
+
+def local_time(at_utc: str) -> str:
+    """A time as clocks show it where the console's computer stands, with the zone."""
+    moment = datetime.fromisoformat(at_utc).astimezone()
+    return f"{moment:%Y-%m-%d, %H:%M} (UTC{moment.isoformat()[-6:]})"
+
+
+def moment(at_utc: str) -> Markup:
+    """``local_time`` for a template, with the exact time for machines."""
+    return Markup('<time datetime="{}">{}</time>').format(at_utc, local_time(at_utc))
+
+
+def fill(words: str, **values: str | Markup) -> Markup:
+    """``words.format(...)`` for a template, where a value may be markup."""
+    return escape(words).format(**values)
 
 
 def page(template: str, *, status: int = 200, **values: Any) -> HTMLResponse:
@@ -26,9 +46,9 @@ def page(template: str, *, status: int = 200, **values: Any) -> HTMLResponse:
 
 
 def message_page(
-    title: str, *paragraphs: str, status: int, study: str = "", link: str = ""
+    title: str, *paragraphs: str, status: int, study: str = "", link: str = "", copy: str = ""
 ) -> HTMLResponse:
-    """A page that only shows a message; ``link`` leads on from it."""
+    """A page that only shows a message; ``link`` leads on from it, ``copy`` to a copy to keep."""
     return page(
         "message.html.j2",
         status=status,
@@ -36,6 +56,7 @@ def message_page(
         title=title,
         paragraphs=paragraphs,
         link=link,
+        copy=copy,
     )
 
 
@@ -100,4 +121,5 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.globals["t"] = texts
+    environment.filters |= {"prose": prose, "moment": moment, "fill": fill}
     return environment

@@ -14,6 +14,7 @@ from steerlab.app.console.app import make_app
 from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.config import ConsoleConfig
 from steerlab.app.console.connections import Door, LimitedProtocol
+from steerlab.app.console.data_export import DataExport
 from steerlab.app.console.few_messages import say_few
 from steerlab.app.console.priority import give_way
 from steerlab.app.console.sign_in import SignIn
@@ -32,6 +33,7 @@ def serve(
     *,
     announce: Callable[[str, str], None],
     device: str = "wheel",
+    kiosk: bool = False,
 ) -> RunView | None:
     """Serve a study's pages until Ctrl+C.
 
@@ -40,6 +42,7 @@ def serve(
         open_study: called on each thread that will use the study.
         announce: called with the console's address and each sign-in code; each works once.
         device: at which participants sit, as for ``steerlab study run``.
+        kiosk: as of ``make_app``.
 
     Returns:
         the last run at the wheel; it may still go on.
@@ -64,9 +67,11 @@ def serve(
                 runs,
                 check_job,
                 sign_in,
+                DataExport(folder),
                 origins=config.origins(port),
                 address=address,
                 changes=changes,
+                kiosk=kiosk,
             )
             server = _Server(server_config(app, config, listening), changes)
             say_few()

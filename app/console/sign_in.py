@@ -82,7 +82,8 @@ class SignIn:
 
     def by_code(self, typed: str) -> BrowserSession | None:
         """A session, if the one-time code is right; the next one is announced."""
-        if not hmac.compare_digest(_letters(typed), _letters(self._code)):
+        right = plain_code(self._code).encode()
+        if not hmac.compare_digest(plain_code(typed).encode("utf-8", "replace"), right):
             return None
         self._code = _new_code()
         self._announce(self._code)
@@ -124,9 +125,9 @@ def _new_code() -> str:
     return "-".join("".join(letters[start : start + 4]) for start in range(0, CODE_LENGTH, 4))
 
 
-def _letters(typed: str) -> bytes:
+def plain_code(typed: str) -> str:
     """A code as it is compared: in whatever case, with or without its hyphens."""
-    return "".join(typed.lower().replace("-", " ").split()).encode("utf-8", "replace")
+    return "".join(typed.lower().replace("-", " ").split())
 
 
 class LoginThrottle:

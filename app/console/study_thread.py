@@ -125,7 +125,7 @@ class StudyCheckJob:
             findings = await asyncio.to_thread(self._findings)
         except (SteerlabError, OSError) as error:
             failure = str(error)
-        at = self._now().strftime("%H:%M:%S")
+        at = self._now().strftime("%Y-%m-%dT%H:%M:%SZ")
         self._done = StudyCheckResults(at=at, findings=findings, failure=failure)
 
     def _findings(self) -> Sequence[StudyCheck]:

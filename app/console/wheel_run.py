@@ -8,7 +8,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -23,6 +23,7 @@ from steerlab.study.contract import Phase, StudyError
 STUDY_COMMAND = (sys.executable, "-m", "steerlab.app.cli", "study")
 LAST_LINES = 12
 LAST_BYTES = 4096
+AT_UTC = "%Y-%m-%dT%H:%M:%SZ"
 _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 
@@ -32,8 +33,10 @@ class RunView:
 
     Attributes:
         phase: its id; empty while data are erased.
+        since: when it began, in UTC, as the study keeps times.
         code: the exit code; None while it goes on.
         last_lines: of what it wrote.
+        stopping: the experimenter has asked it to stop.
     """
 
     participant: str
@@ -43,6 +46,7 @@ class RunView:
     since: str
     code: int | None
     last_lines: tuple[str, ...]
+    stopping: bool = False
 
     @property
     def goes_on(self) -> bool:
@@ -71,7 +75,11 @@ class WheelRuns:
         self._now = now
         self._process: subprocess.Popen[bytes] | None = None
         self._output: RunOutput | None = None
-        self._what = ("", "", "", "")  # participant, phase, title, since
+        self._what = ("", "", "")  # participant, phase, title
+        self._since = now()
+        self._stops = 0
+        self._tried: set[tuple[str, str]] = set()
+        self._to_erase: list[str] = []
         # A process gets the priority of the thread that starts it, and a thread that of its own.
         self._starter = ThreadPoolExecutor(max_workers=1, thread_name_prefix="runs")
         self._starter.submit(os.getpid).result()  # it would begin with the first run only
@@ -80,22 +88,32 @@ class WheelRuns:
         """The current or last run; None before the first."""
         if self._process is None:
             return None
-        participant, phase, title, since = self._what
+        participant, phase, title = self._what
         return RunView(
             participant=participant,
             phase=phase,
             title=title,
             pid=self._process.pid,
-            since=since,
+            since=self._since.strftime(AT_UTC),
             code=self._process.poll(),
             last_lines=self._last_lines(),
+            stopping=self._stops > 0,
         )
 
     def mark(self) -> str:
         """Differs whenever a run was started or ended."""
         if self._process is None:
             return "none"
-        return f"{self._process.pid}:{self._process.poll()}"
+        waiting = "".join(f":{one}" for one in self._to_erase)
+        return f"{self._process.pid}:{self._process.poll()}:{self._stops}{waiting}"
+
+    def tried(self, participant: str, phase: str) -> bool:
+        """Whether it was started here since it became what is next for the participant."""
+        return (participant, phase) in self._tried
+
+    def next_are(self, steps: Collection[tuple[str, str]]) -> None:
+        """Participant and phase of all that is next now; what was tried of others is forgotten."""
+        self._tried.intersection_update(steps)
 
     def start(self, participant: str, phase: Phase) -> None:
         """Begin or resume a phase.
@@ -108,6 +126,7 @@ class WheelRuns:
                 no more processes.
         """
         _check_names(participant, phase.id)
+        self._tried.add((participant, phase.id))  # also if it cannot be started
         options = ("--participant", participant, "--phase", phase.id, "--device", self._device)
         self._start(participant, phase.id, phase.title, "run", *options)
 
@@ -119,6 +138,42 @@ class WheelRuns:
         """
         _check_names(participant)
         self._start(participant, "", texts.ERASING, "withdraw", participant, "--erase")
+
+    @property
+    def to_erase(self) -> tuple[str, ...]:
+        """Whose data are erased once nothing runs any more."""
+        return tuple(self._to_erase)
+
+    def erase_later(self, participant: str) -> None:
+        """Erase a participant's data once nothing runs any more; lost if the console ends before."""
+        _check_names(participant)
+        if participant not in self._to_erase:
+            self._to_erase.append(participant)
+
+    def erase_waiting(self) -> None:
+        """Begin what ``erase_later`` was told, if there is anything.
+
+        Raises:
+            StudyError: as for ``start``.
+        """
+        if self._to_erase:
+            self.erase(self._to_erase.pop(0))
+
+    def stop(self, participant: str, phase: str) -> None:
+        """Ask the phase's process to end in order, as Esc does; asked again, end it at once.
+
+        What was finished is kept either way; a drive that is cut off does not count.
+        """
+        run = self.view()
+        if self._process is None or run is None or not run.goes_on:
+            return
+        if not phase or (run.participant, run.phase) != (participant, phase):
+            return  # the page was out of date; erasing is never cut off
+        if self._stops:
+            self._process.kill()
+        else:
+            self._process.terminate()
+        self._stops += 1
 
     def _start(self, participant: str, phase: str, title: str, act: str, *options: str) -> None:
         current = self.view()
@@ -140,7 +195,13 @@ class WheelRuns:
         self._close_output()
         self._process, self._output = process, output
         self._output.handed_over()
-        self._what = (participant, phase, title, self._now().strftime("%H:%M"))
+        self._what, self._since, self._stops = (participant, phase, title), self._now(), 0
+
+    def wait(self, longest_s: float) -> None:
+        """Until the current run has ended, if it does so soon."""
+        if self._process is not None:
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(longest_s)
 
     def close(self) -> None:
         """Forget the run; it goes on if it has not ended."""

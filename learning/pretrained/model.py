@@ -32,6 +32,7 @@ INPUTS = (
 
 CONTEXT_INPUTS = 3  # the last ones
 _PHASES = 2  # two samples at 20 Hz are one position of the network: half the work, same reach
+_MOST_DILATION = 1024  # positions; as much is added on either side of a drive
 DELAY_RANGE_S = (-0.8, 1.3)  # of what was simulated
 LOG_GAIN_RANGE = (-1.3, 1.3)
 MIRROR_OF_MOTION = np.array([-1.0, 1.0, -1.0])  # yaw rate, speed, robot wheel
@@ -59,6 +60,10 @@ class ResidualConfig:
         sizes = (self.style_size, self.channels, self.style_hidden, *self.dilations)
         if min(sizes) < 1 or not self.dilations:
             raise InvalidConfig(f"{self} has a size below 1 or no block.")
+        if max(self.dilations) > _MOST_DILATION:
+            raise InvalidConfig(
+                f"{self} has a dilation above {_MOST_DILATION}; give a smaller one."
+            )
 
 
 class ResidualNetwork(nn.Module):

@@ -19,7 +19,13 @@ from steerlab.learning.pretrained.style import (
     StyleEncoder,
 )
 from steerlab.learning.pretrained.teachers import STYLE
-from steerlab.learning.tensor_file import read_tensors, without_prefix, write_tensors
+from steerlab.learning.tensor_file import (
+    in_header,
+    network_of,
+    read_tensors,
+    without_prefix,
+    write_tensors,
+)
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.files.reading import reading
 
@@ -74,9 +80,11 @@ def load_model(path: Path) -> PretrainedModel:
         )
     with reading(path, "weights", InvalidCheckpoint, f"Is it damaged? If so, {_REMAKE}."):
         arrays = {name: _array(tensors, name, shape, path) for name, shape in _shapes().items()}
-        config = ResidualConfig(**header["network"])
-        network = ResidualNetwork(config, torch.Generator().manual_seed(0))
-        network.load_state_dict(without_prefix(tensors, _NETWORK))
+        with in_header(path):
+            config = ResidualConfig(**header["network"])
+        network = network_of(
+            without_prefix(tensors, _NETWORK), lambda: ResidualNetwork(config, torch.Generator())
+        )
         priors = {
             side: Prior(
                 mean=arrays[f"{side}_mean"],

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from OpenGL.error import Error as OpenGLError
 
 from steerlab.sim.camera_config import CameraConfig
-from steerlab.sim.engine.car import CAR_GROUP
+from steerlab.sim.engine.car import CAR_GROUP, HOOD_GROUP
 from steerlab.sim.engine.gl import INSTALL_HINT, choose_gl, context_module, why_not
 from steerlab.sim.errors import NoRenderer
 
@@ -58,7 +58,8 @@ class Camera:
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False  # 30 ms of 65
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         self._option = mujoco.MjvOption()
-        self._option.geomgroup[CAR_GROUP] = self.config.view != "front"
+        self._option.geomgroup[CAR_GROUP] = self.config.view == "chase"
+        self._option.geomgroup[HOOD_GROUP] = self.config.view == "driver"
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._camera.fixedcamid = model.camera(f"car/{self.config.view}").id

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from steerlab.sim.camera_config import viewpoints
 from steerlab.sim.vehicle import WHEEL_LIMIT, CarConfig
 
 GRAVITY_MPS2 = 9.81
@@ -25,7 +26,9 @@ ACTUATORS = ("steer_fl", "steer_fr", "drive", "brake", "tyre_fl", "tyre_fr", "ty
 _PAINT = "0.80 0.12 0.14 1"
 _GLASS = "0.15 0.20 0.25 1"
 _RUBBER = "0.08 0.08 0.08 1"
-CAR_GROUP = 1  # of geoms; the front camera sees none of the car and skips drawing it
+# Groups of geoms: only the chase camera draws the car, only the driver's camera the hood (a group
+# that no camera draws by default).
+CAR_GROUP, HOOD_GROUP = 1, 3
 # A real shadow pass costs 30 ms a frame, translucency 0.2 ms; a dark box on plain ground neither.
 SHADOW_RGBA = "0.22 0.23 0.22 1"
 MIN_SLIP_SPEED_MPS = 2.0  # below it a slip angle is ill defined and the tyre becomes viscous
@@ -40,7 +43,6 @@ def numbers(*values: float) -> str:
 
 def car_mjcf(config: CarConfig) -> str:
     """MJCF of the car; attach it at the world's origin, its pose lives in the joints x, y and yaw."""
-    front_m = config.length_m / 2
     return f"""
 <mujoco model="car">
   <compiler angle="radian"/>
@@ -54,9 +56,7 @@ def car_mjcf(config: CarConfig) -> str:
       <site name="imu" pos="{numbers(0, 0, IMU_HEIGHT_M)}"/>
       {_hull(config)}
       {_wheels(config)}
-      <camera name="front" pos="{numbers(front_m, 0, 1.1)}" mode="fixed"
-        xyaxes="0 -1 0 0.12 0 1" fovy="60"/>
-      <camera name="chase" pos="-8.5 0 4.2" mode="fixed" xyaxes="0 -1 0 0.3 0 1" fovy="55"/>
+      {_cameras(config)}
     </body>
   </worldbody>
   <actuator>
@@ -64,6 +64,14 @@ def car_mjcf(config: CarConfig) -> str:
   </actuator>
 </mujoco>
 """
+
+
+def _cameras(config: CarConfig) -> str:
+    return "\n      ".join(
+        f'<camera name="{view}" pos="{numbers(at.x_m, 0, at.z_m)}" mode="fixed" '
+        f'xyaxes="{numbers(0, -1, 0, at.down, 0, 1)}" fovy="{numbers(at.fov_deg)}"/>'
+        for view, at in viewpoints(config).items()
+    )
 
 
 def _hull(config: CarConfig) -> str:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from steerlab.sim.engine.camera import Camera, CameraConfig
 from steerlab.sim.engine.scene import compose
+from steerlab.sim.engine.scenery import add_scenery
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.vehicle import CarConfig
 from steerlab.sim.world import WorldSpec
@@ -18,6 +19,9 @@ _JOINTS = ("x", "y", "yaw", "steer_fl", "steer_fr")
 
 class WorldView:
     """Builds the scene once (slow), then draws frames (fast); nothing in it moves by itself.
+
+    Args:
+        scenery: False draws the bare scene that is simulated and that policies see.
 
     Raises:
         NoRenderer: this machine has no OpenGL back end that can draw offscreen.
@@ -29,10 +33,14 @@ class WorldView:
         camera: CameraConfig | None = None,
         *,
         car: CarConfig | None = None,
+        scenery: bool = True,
     ) -> None:
         self.world = world
         self._car = car or CarConfig()
-        model: mujoco.MjModel = compose(world, self._car).compile()
+        spec = compose(world, self._car)
+        if scenery:
+            add_scenery(spec, world, self._car)
+        model: mujoco.MjModel = spec.compile()
         self._data = mujoco.MjData(model)
         self._places = [int(model.joint(f"car/{name}").qposadr[0]) for name in _JOINTS]
         self._camera = Camera(model, self._data, camera)

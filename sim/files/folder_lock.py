@@ -17,11 +17,17 @@ CONSOLE_LOCK = "console.lock"
 
 
 class LockedOut(SteerlabError):
-    """Another program holds the lock; ``pid`` is its process, None if it did not say."""
+    """Another program holds the lock.
 
-    def __init__(self, message: str, pid: int | None) -> None:
+    Attributes:
+        pid: its process; None if it did not say.
+        about: whom it is at work for, as it said; empty if it did not.
+    """
+
+    def __init__(self, message: str, pid: int | None, about: str = "") -> None:
         super().__init__(message)
         self.pid = pid
+        self.about = about
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +39,9 @@ class FolderLock:
 
 
 @contextmanager
-def locked(folder: Path, name: str, what: str, *, wait_s: float = 0.0) -> Generator[FolderLock]:
+def locked(
+    folder: Path, name: str, what: str, *, about: str = "", wait_s: float = 0.0
+) -> Generator[FolderLock]:
     """Hold the lock ``name`` of an existing folder; taken twice in one process it is refused too.
 
     The system lets go of it when the process ends, however it ends: a lock of a dead process is
@@ -41,6 +49,7 @@ def locked(folder: Path, name: str, what: str, *, wait_s: float = 0.0) -> Genera
 
     Args:
         what: what the holder does there, such as ``records into``.
+        about: a pseudonym, said to whoever is refused.
         wait_s: how long to wait for another holder.
 
     Raises:
@@ -55,14 +64,15 @@ def locked(folder: Path, name: str, what: str, *, wait_s: float = 0.0) -> Genera
     try:
         lock.acquire()
     except Timeout:
-        pid = _said(holder)
+        pid, whom = _said(holder)
         who = f": process {pid}" if pid is not None else ""
         raise LockedOut(
             f"Another program {what} {folder} already{who}. Close it, or wait until it is done.",
             pid,
+            whom,
         ) from None
     try:
-        holder.write_text(f"{os.getpid()}\n", encoding="utf-8")
+        holder.write_text(f"{os.getpid()} {about}".strip() + "\n", encoding="utf-8")
         yield FolderLock(folder, name)
     finally:
         lock.release()
@@ -76,9 +86,10 @@ def holder_name(name: str) -> str:
     return f"{name.removesuffix('.lock')}.pid"
 
 
-def _said(holder: Path) -> int | None:
+def _said(holder: Path) -> tuple[int | None, str]:
+    """The holder's process id, and whom it is at work for."""
     try:
-        said = holder.read_text(encoding="utf-8").strip()
+        pid, _, about = holder.read_text(encoding="utf-8").strip().partition(" ")
     except FileNotFoundError:  # it has only just taken the lock
-        return None
-    return int(said) if said.isdecimal() else None
+        return None, ""
+    return (int(pid) if pid.isdecimal() else None), about

@@ -5,6 +5,10 @@ import platform
 import sys
 from pathlib import Path
 
+from steerlab.sim.errors import SteerlabError
+from steerlab.sim.files.refusal import ran_out
+
+FEWEST_HANDLES = 48  # a recorded drive takes 20, a run of teach with two workers 30
 _MOST_ON_WINDOWS = 61  # ProcessPoolExecutor's limit: Windows waits for no more processes at once
 
 
@@ -18,6 +22,32 @@ def available_cores() -> int:
 def worker_count(jobs: int, tasks: int) -> int:
     """Processes to start for ``tasks`` when ``jobs`` are asked for; Windows manages 61."""
     return min(jobs, tasks, _MOST_ON_WINDOWS) if sys.platform == "win32" else min(jobs, tasks)
+
+
+def check_handles(needed: int = FEWEST_HANDLES) -> None:
+    """Refuse to begin with few file handles: libraries such as Rerun end the program without them.
+
+    Raises:
+        SteerlabError: fewer than ``needed`` are free of those that this program may have.
+    """
+    try:
+        from resource import RLIM_INFINITY, RLIMIT_NOFILE, getrlimit
+    except ImportError:  # Windows has no such limit
+        return
+    allowed, _ = getrlimit(RLIMIT_NOFILE)
+    if allowed == RLIM_INFINITY:
+        return
+    try:
+        free = allowed - len(os.listdir("/dev/fd"))
+    except OSError as error:
+        if not ran_out(error):
+            raise
+        free = 0
+    if free < needed:
+        raise SteerlabError(
+            f"This program may open only {allowed} files at a time, of which {max(free, 0)} are "
+            f"left, and needs {needed}: allow more open files (ulimit -n), such as ulimit -n 1024."
+        )
 
 
 def load_average() -> float | None:

@@ -1,6 +1,7 @@
-"""A folder of results that is there whole, or not at all."""
+"""A folder of results that is there whole, or not at all; and whether it could be, before the work."""
 
 import ctypes
+import errno
 import os
 import shutil
 import sys
@@ -9,10 +10,12 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 from steerlab.sim.errors import SteerlabError
+from steerlab.sim.files.refusal import refusal
 from steerlab.sim.files.whole_file import abandoned, sync_folder, workspace
 
 _NEW, _OLD = "new", "old"
 _AT_FDCWD, _EXCHANGE = -100, 2  # linux/fcntl.h, linux/fs.h; 2 is RENAME_SWAP of macOS too
+_UNMOVABLE = (errno.EACCES, errno.EPERM, errno.EBUSY, errno.EROFS)
 
 
 class OutputError(SteerlabError):
@@ -38,47 +41,96 @@ def output_folder(
         OutputError: ``path`` is a file, is not empty, is the folder that the program was started
             in, or lies where nothing can be written.
     """
+    check_output_folder(path, force=force)
     path = Path(os.path.realpath(path))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for left in abandoned(path):
-            _finish(left, path)
-    except OSError as error:
-        raise OutputError(
-            f"Cannot write to {path.parent}: {error.strerror or error}; choose another --out."
-        ) from error
-    _refuse_what_is_there(path, force)
     try:
         with workspace(path) as room:
             fresh = room / _NEW
             fresh.mkdir()
             yield fresh
-            _sync_tree(fresh)
+            sync_tree(fresh)
             with placing or nullcontext():
-                _refuse_what_is_there(path, force)  # of another program meanwhile
+                _refuse_what_is_there(path, force, room)  # of another program meanwhile
                 _put_in_place(room, path)
     except OSError as error:
         raise OutputError(
-            f"Cannot write results for {path}: {error.strerror or error}; nothing was kept. "
-            "Make room, or choose another --out."
+            f"Cannot write results for {path}: {refusal(error, 'choose another folder')}. Nothing was "
+            "kept; what was there is as it was."
         ) from error
 
 
-def _refuse_what_is_there(path: Path, force: bool) -> None:
+def check_output_folder(path: Path, *, force: bool = False) -> None:
+    """Find out whether ``output_folder`` could put results at ``path``, before they are made.
+
+    Raises:
+        OutputError: as of ``output_folder``.
+    """
+    path = Path(os.path.realpath(path))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for left in abandoned(path):
+            _finish(left, path)
+        with workspace(path) as room:
+            _refuse_what_is_there(path, force, room)
+    except OSError as error:
+        raise OutputError(
+            f"Cannot write to {path.parent}: {refusal(error, 'choose another folder')}."
+        ) from error
+
+
+def check_output_file(path: Path) -> None:
+    """Find out whether a file could be put at ``path``, before it is made.
+
+    Raises:
+        OutputError: it could not.
+    """
+    try:
+        if path.is_dir():
+            raise OutputError(f"{path} is a folder; give the name of a file.")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with workspace(path) as room:
+            _refuse_unmovable(path, room)
+    except OSError as error:
+        raise OutputError(
+            f"Cannot write {path}: {refusal(error, 'choose another file')}."
+        ) from error
+
+
+def _refuse_what_is_there(path: Path, force: bool, room: Path) -> None:
     if path.exists() and not path.is_dir():
-        raise OutputError(f"{path} is a file; choose a folder for --out.")
+        raise OutputError(f"{path} is a file; choose a folder.")
     if path.is_dir() and Path.cwd().is_relative_to(path):
         raise OutputError(
             f"{path} is the folder you are in, or holds it, and would be replaced as a whole; "
-            "choose a new folder inside it for --out."
+            "choose a new folder inside it."
         )
     if path.is_dir() and any(path.iterdir()) and not force:
         raise OutputError(
             f"{path} is not empty; choose another folder, or add --force to replace it."
         )
+    _refuse_unmovable(path, room)
 
 
-def _sync_tree(folder: Path) -> None:
+def _refuse_unmovable(path: Path, room: Path) -> None:
+    """Refuse what cannot be replaced: where a disk is mounted, or what belongs to somebody else.
+
+    Asked by renaming it onto a folder that is not empty: that is never done, but says why else not.
+    """
+    full = room / "full"
+    (full / "of something").mkdir(parents=True, exist_ok=True)
+    try:
+        path.rename(full)
+    except OSError as error:
+        if error.errno in _UNMOVABLE:
+            raise OutputError(
+                f"{path} cannot be replaced: {error.strerror}. It belongs to somebody else, or a "
+                "disk is mounted there; choose a new name beside it or inside it."
+            ) from error
+    else:
+        full.rename(path)  # a file system that cares for no rules
+
+
+def sync_tree(folder: Path) -> None:
     """Wait until the disk has all that is in ``folder``."""
     for parent, _, names in os.walk(folder):
         for name in names:
@@ -105,7 +157,9 @@ def _set_aside(path: Path, room: Path) -> None:
     """Move ``path`` to ``room/old``, which is there only when it is whole."""
     try:
         path.rename(room / _OLD)
-    except OSError:  # a layered file system cannot rename a folder of a lower layer
+    except OSError as error:  # a layered file system cannot rename a folder of a lower layer
+        if error.errno != errno.EXDEV:
+            raise
         shutil.copytree(path, room / "copy", symlinks=True)
         (room / "copy").rename(room / _OLD)
         shutil.rmtree(path)

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from steerlab.sim.errors import SteerlabError
+from steerlab.sim.files.refusal import ran_out, refusal
 
 _LONGEST = 160  # characters of a library's message
 
@@ -29,6 +30,8 @@ def reading(path: Path, what: str, error: type[SteerlabError], remedy: str) -> I
     except SteerlabError:
         raise
     except Exception as why:
+        if isinstance(why, OSError) and ran_out(why):  # the file may be as it should be
+            raise error(f"{path} cannot be read: {refusal(why, remedy)}.") from why
         reason = getattr(why, "strerror", None) or str(why) or type(why).__name__
         if isinstance(why, FileNotFoundError):
             reason = "there is no such file"

@@ -1,24 +1,28 @@
-"""A run that goes on where it was: its folder, its settings, and files that are there whole or not."""
+"""A run that goes on where it was: its folder, its settings, and results that belong together."""
 
 import json
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from safetensors import SafetensorError
+from steerlab.sim.files.folder_lock import RUN_LOCK, holder_name, locked
+from steerlab.sim.files.output_folder import OutputError, sync_tree
+from steerlab.sim.files.refusal import refusal
+from steerlab.sim.files.shared_folder import entries_of, remove
+from steerlab.sim.files.whole_file import sync_folder, whole_file, workspace
 
-from steerlab.sim.files.output_folder import OutputError
-from steerlab.sim.files.whole_file import whole_file
-
+SUMMARY = "summary.json"
 _LONGEST_DIFFERENCE = 120  # characters; a table of outcomes is not printed
 
 
-def open_run_folder(
+@contextmanager
+def run_folder(
     out: Path, settings: Mapping[str, Any], *, file: str, parts: Sequence[str], force: bool
-) -> None:
+) -> Iterator[None]:
     """Begin a run in ``out``, or go on with the one that is there if it has the same settings.
+
+    No other program runs in ``out`` while the block lasts: two would mix what they keep.
 
     Args:
         settings: plain values that decide the results; kept in ``file``.
@@ -27,25 +31,40 @@ def open_run_folder(
 
     Raises:
         OutputError: ``out`` holds something else, or nothing can be written there.
+        LockedOut: another program runs in it.
     """
     wanted = json.loads(json.dumps(settings))
-    try:
-        if out.exists() and not out.is_dir():
-            raise OutputError(f"{out} is a file; choose a folder for --out.")
-        if out.is_dir() and any(out.iterdir()) and _settings(out / file) != wanted:
-            if not force:
-                raise OutputError(
-                    f"{out} holds something else: {_difference(out / file, wanted)}. Choose "
-                    "another folder, give the same settings to go on, or add --force to begin anew."
-                )
-            shutil.rmtree(out)
-        for part in parts:
-            (out / part).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
+    with ExitStack() as stack:
+        try:
+            _of_another_run(out, wanted, file, force)  # before a lock is left in what is no run
+            out.mkdir(parents=True, exist_ok=True)
+            stack.enter_context(locked(out, RUN_LOCK, "works in"))
+            for path in _of_another_run(out, wanted, file, force):
+                remove(path)
+            for part in parts:
+                (out / part).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"Cannot write to {out}: {refusal(error, 'choose another --out')}."
+            ) from error
+        write_json(wanted, out / file)
+        yield
+
+
+def _of_another_run(out: Path, wanted: dict[str, Any], file: str, force: bool) -> list[Path]:
+    """What lies in ``out`` and is of no run with these settings; refused without ``force``."""
+    if out.exists() and not out.is_dir():
+        raise OutputError(f"{out} is a file; choose a folder for --out.")
+    locks = (RUN_LOCK, holder_name(RUN_LOCK))
+    there = [path for path in entries_of(out) if path.name not in locks]
+    if not there or _settings(out / file) == wanted:
+        return []
+    if not force:
         raise OutputError(
-            f"Cannot write to {out}: {error.strerror or error}; choose another --out."
-        ) from error
-    write_json(wanted, out / file)
+            f"{out} holds something else: {_difference(out / file, wanted)}. Choose "
+            "another folder, give the same settings to go on, or add --force to begin anew."
+        )
+    return there
 
 
 def _settings(path: Path) -> Any:
@@ -108,12 +127,41 @@ def keeping(path: Path) -> Iterator[Path]:
     Raises:
         OutputError: it cannot be written; ``path`` is as it was.
     """
+    with _can_go_on(path), whole_file(path) as fresh:
+        yield fresh
+
+
+@contextmanager
+def results(out: Path) -> Iterator[Path]:
+    """Give a folder for all results of a run, ``SUMMARY`` among them, and put them into ``out`` as one.
+
+    The summary in ``out`` stands for all: it goes before the first of the others is replaced, and
+    comes after the last. So what lies beside it is of the same call; without it nothing counts.
+
+    Raises:
+        OutputError: they cannot be written; what was there is as it was, or has no summary.
+    """
+    with _can_go_on(out / SUMMARY), workspace(out / SUMMARY) as room:
+        fresh = room / "new"
+        fresh.mkdir()
+        yield fresh
+        sync_tree(fresh)
+        (out / SUMMARY).unlink(missing_ok=True)
+        sync_folder(out)
+        files = [path for path in fresh.rglob("*") if path.is_file()]
+        for path in sorted(files, key=lambda path: path.name == SUMMARY):  # the summary last
+            target = out / path.relative_to(fresh)
+            target.parent.mkdir(exist_ok=True)
+            path.replace(target)
+            sync_folder(target.parent)
+
+
+@contextmanager
+def _can_go_on(path: Path) -> Iterator[None]:
     try:
-        with whole_file(path) as fresh:
-            yield fresh
-    except (OSError, SafetensorError) as error:
-        why = getattr(error, "strerror", None) or error
+        yield
+    except OSError as error:
         raise OutputError(
-            f"Cannot write {path}: {why}. What was finished is kept; make room and give the same "
-            "command again to go on."
+            f"Cannot write {path}: {refusal(error, 'make the folder writable')}. What was finished "
+            "is kept; give the same command again to go on."
         ) from error

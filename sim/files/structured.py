@@ -15,9 +15,20 @@ from dataclasses import fields, is_dataclass
 from enum import EnumType
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from types import NoneType, UnionType
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Literal,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from steerlab.sim.errors import InvalidConfig, InvalidValue, SteerlabError, shown
+from steerlab.sim.files.refusal import refusal
 from steerlab.sim.files.toml_lines import line_of
 
 if TYPE_CHECKING:  # twenty milliseconds, which only whoever reads a file should pay
@@ -145,7 +156,7 @@ def utf8_text(path: Path) -> str:
     try:
         return path.read_bytes().decode()
     except OSError as error:
-        raise InvalidConfig(f"{path} cannot be read: {error.strerror or error}.") from error
+        raise InvalidConfig(f"{path} cannot be read: {refusal(error)}.") from error
     except UnicodeDecodeError as error:
         raise InvalidConfig(f"{path} is not UTF-8: {error}. Save it as UTF-8.") from error
 
@@ -166,6 +177,7 @@ def _converter() -> "Converter":
         converter.register_structure_hook(kind, _plain)
     for fits, make in (
         (lambda kind: get_origin(kind) is Literal, _literal),
+        (_is_any_scalar, _any_scalar),
         (lambda kind: get_origin(kind) is tuple, _list),
         (lambda kind: get_origin(kind) in (dict, Mapping), _mapping),
         (is_dataclass, _record),
@@ -194,6 +206,21 @@ def _chosen(value: Any, known: Sequence[Any]) -> Any:
     if any(type(value) is type(one) and value == one for one in known):
         return value
     raise InvalidValue("", value, f"one of {one_of(known, value)}")
+
+
+def _is_any_scalar(kind: Any) -> bool:
+    """Several kinds of plain values may be there, such as ``str | int | float``."""
+    kinds = set(get_args(kind)) - {NoneType}
+    return get_origin(kind) in (Union, UnionType) and len(kinds) > 1 and kinds <= {str, int, float}
+
+
+def _any_scalar(kind: Any, converter: "Converter") -> Hook:
+    def structure(value: Any, _: Any) -> Any:
+        if type(value) not in get_args(kind):
+            raise InvalidValue("", value, _words(kind))
+        return value
+
+    return structure
 
 
 def _list(kind: Any, converter: "Converter") -> Hook:
@@ -297,8 +324,8 @@ def _words(kind: Any) -> str:
     if get_origin(kind) is tuple:
         some = "a list" if parts[-1] is ... else f"a list of {len(parts)}"
         return f"{some}: {_words(parts[0])} each"
-    if type(None) in parts:
-        return _words(next(one for one in parts if one is not type(None)))
+    if get_origin(kind) in (Union, UnionType):
+        return " or ".join(_words(one) for one in parts if one is not NoneType)
     return _WORDS.get(kind, "a table of keys and values")
 
 

@@ -10,8 +10,10 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from steerlab.sim.files.refusal import ran_out
+
 _PREFIX, _SUFFIX = ".", ".part"
-_OWNER = "owner.lock"
+_OWNER, _OWNED = "owner.lock", "owned"  # the second is there once the first is locked
 _UNLOCKED_S = (
     3600.0  # a workspace is locked as soon as it is made, unless its maker died in between
 )
@@ -52,8 +54,12 @@ def workspace(path: Path) -> Generator[Path]:
     room = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{path.name}-", suffix=_SUFFIX, dir=path.parent))
     lock = _lock(room)
     try:
-        with suppress(OSError, NotImplementedError):  # no locks here: then it is never removed
+        try:
             lock.acquire()
+        except (OSError, NotImplementedError) as error:  # no locks here: then it is never removed
+            if isinstance(error, OSError) and ran_out(error):
+                raise
+        (room / _OWNED).touch()
         yield room
     finally:
         lock.release()
@@ -73,7 +79,7 @@ def abandoned(path: Path) -> Iterator[Path]:
 
 
 def _is_abandoned(room: Path) -> bool:
-    if not (room / _OWNER).is_file():
+    if not (room / _OWNED).is_file():  # a look at its lock now could be taken for the owner's
         return time.time() - room.stat().st_mtime > _UNLOCKED_S
     lock = _lock(room)
     try:

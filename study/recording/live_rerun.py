@@ -1,4 +1,4 @@
-"""Rerun while a drive goes on: a file for each attempt, and the live viewer.
+"""Rerun while a drive goes on: a file at the end of each attempt, and the live viewer.
 
 Rerun only shows the data: whatever goes wrong here becomes a warning, the drive and the database
 go on, and ``steerlab replay`` makes the recording anew.
@@ -10,6 +10,8 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
+from steerlab.sim.files.refusal import refusal
+from steerlab.sim.files.whole_file import rename_durably, workspace
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.records import Driver, LabelledStep
 from steerlab.sim.world import Block, WorldSpec
@@ -29,8 +31,8 @@ if TYPE_CHECKING:  # slow to import: done in the writer thread
     from steerlab.study.recording.viewer import ViewerProcess
 
 CLOSE_S = 5.0  # a viewer that takes longer to close a stream hangs
-_FLUSH_S = 10.0
-_INCOMPLETE, _LOST = "This drive's recording is incomplete", "The live viewer was lost"
+_NOT_WRITTEN, _LOST = "This drive's recording is not written", "The live viewer was lost"
+_ROOM = "attempt"  # files are prepared under this name
 _STEPS_BETWEEN_LOOKS = 20  # how often to look whether the viewer is still there
 
 OpenViewer = Callable[[], "ViewerProcess"]
@@ -53,25 +55,32 @@ class LiveRerun:
         self._warned: set[str] = set()
         self._viewer: ViewerProcess | None = None
         self._file: rr.RecordingStream | None = None
+        self._memory: rr.MemoryRecording | None = None
+        self._path = folder
         self._live: rr.RecordingStream | None = None
         self._logs: dict[str, DriveLog] = {}
         self._steps = 0
         with self._guarded("Recordings are not written"):
             folder.mkdir(exist_ok=True)
-            _warm_up()
+            with workspace(folder / _ROOM):  # removes what a killed program left, of any attempt
+                _warm_up()
         if open_viewer is not None:
             with self._guarded("There is no live viewer"):
                 self._viewer = open_viewer()
 
     def begin(self, rollout: StoredRollout, attempt: Attempt, start: Pose2D) -> None:
-        """Open the attempt's file, and show the attempt in the viewer."""
+        """Begin to collect the attempt's recording, and show the attempt in the viewer."""
         self._steps = 0
-        with self._guarded("This drive's recording is not written", "file"):
-            from steerlab.study.recording.rebuild import new_stream, recording_file, save_stream
+        with self._guarded(_NOT_WRITTEN, "file"):
+            from steerlab.study.recording.rebuild import (
+                collect_stream,
+                new_stream,
+                recording_file,
+            )
 
-            path = self._folder / recording_file(*attempt.key)
+            self._path = self._folder / recording_file(*attempt.key)
             self._file = new_stream(rollout, attempt.participant, attempt.attempt)
-            save_stream(self._file, path, _layout(rollout, start))
+            self._memory = collect_stream(self._file, _layout(rollout, start))
             self._logs["file"] = _log_beginning(self._file, rollout, attempt, start)
         if self._viewer_is_there() and self._viewer is not None:
             with self._guarded("The drive is not shown in the viewer", "live"):
@@ -94,14 +103,17 @@ class LiveRerun:
         self._log_to_each(lambda log: log.event(event))
 
     def end(self, read: Callable[[], AttemptData]) -> None:
-        """Log what is known only now, and close the attempt's file."""
+        """Log what is known only now, and write the attempt's file."""
         self._viewer_is_there()
-        if self._file is not None:
-            with self._guarded(_INCOMPLETE, "file"):
+        if self._file is not None and self._memory is not None:
+            with self._guarded(_NOT_WRITTEN, "file"):
                 from steerlab.study.recording.scene import log_end
 
                 log_end(self._file, read())
-                self._file.flush(timeout_sec=_FLUSH_S)
+                with workspace(self._folder / _ROOM) as room:
+                    part = room / self._path.name
+                    part.write_bytes(self._memory.drain_as_bytes())
+                    rename_durably(part, self._path)
                 self._file.disconnect()
         if self._live is not None:
             with self._guarded(_LOST, "live"):
@@ -112,10 +124,7 @@ class LiveRerun:
         self._close_streams()
 
     def close(self) -> None:
-        """Close file and viewer, in the middle of an attempt too."""
-        if self._file is not None:
-            with self._guarded(_INCOMPLETE):
-                self._file.disconnect()
+        """Close streams and viewer; an attempt that has no end in the study gets no file."""
         self._close_streams()
         if self._viewer is not None:
             self._viewer.close()
@@ -123,7 +132,7 @@ class LiveRerun:
 
     def _log_to_each(self, act: Callable[["DriveLog"], None]) -> None:
         for name, log in list(self._logs.items()):
-            with self._guarded(_INCOMPLETE if name == "file" else _LOST, name):
+            with self._guarded(_NOT_WRITTEN if name == "file" else _LOST, name):
                 act(log)
 
     def _viewer_is_there(self) -> bool:
@@ -137,7 +146,7 @@ class LiveRerun:
 
     def _close_streams(self) -> None:
         """Close both streams; a viewer that hangs would block the second for ever, so it is ended."""
-        self._file = None
+        self._file = self._memory = None
         self._logs.pop("file", None)
         live, self._live = self._live, None
         self._logs.pop("live", None)
@@ -164,7 +173,8 @@ class LiveRerun:
         try:
             yield
         except BaseException as error:  # a panic in Rerun is no Exception; Ctrl-C is not seen here
-            reason = " ".join(str(error).split()) or type(error).__name__
+            said = refusal(error) if isinstance(error, OSError) else str(error)
+            reason = " ".join(said.split()) or type(error).__name__
             self._warn_once(
                 f"{what}: {reason.rstrip('.')}. The data is safe in study.db; steerlab replay "
                 f"shows it."
@@ -237,13 +247,14 @@ def _warm_up() -> None:
         flags=[],
     )
     stream = new_stream(rollout, attempt.participant, attempt.attempt)
-    stream.memory_recording()
+    memory = stream.memory_recording()
     stream.send_blueprint(_layout(rollout, start))
     log = _log_beginning(stream, rollout, attempt, start)
     log.event(event)
     for step in data.steps:
         log.step(step, times)
     log_end(stream, data)
+    memory.drain_as_bytes()  # else Rerun says in the terminal that it drops data
     stream.disconnect()
 
 

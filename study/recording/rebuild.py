@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from steerlab.sim.arrays import FloatArray
+from steerlab.sim.files.refusal import refusal
 from steerlab.sim.files.whole_file import rename_durably, whole_file, workspace
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.progress import Progress
@@ -27,6 +28,7 @@ from steerlab.study.recording import layout
 from steerlab.study.recording.drive_log import DriveLog
 from steerlab.study.recording.scene import log_end, log_world
 from steerlab.study.recording.viewer import RecordingUnavailable, rerun_executable
+from steerlab.study.recording.written import check_written, why_not_written
 from steerlab.study.store.records import Attempt, AttemptData, StoredRollout
 from steerlab.study.store.store import STUDY_FILE, StudyStore
 
@@ -61,29 +63,33 @@ def new_stream(rollout: StoredRollout, participant: str, attempt: int) -> rr.Rec
     """
     # Rerun keeps two threads of each stream that nobody has any more until this is called.
     rerun_bindings.flush_and_cleanup_orphaned_recordings()
-    stream = rr.RecordingStream(
-        f"steerlab {rollout.name}",
-        recording_id=f"{participant}/{rollout.name}/{attempt}",
-        send_properties=False,  # they hold the time at which this runs
-    )
+    return timeless_stream(f"steerlab {rollout.name}", f"{participant}/{rollout.name}/{attempt}")
+
+
+def timeless_stream(application: str, recording_id: str) -> rr.RecordingStream:
+    """A stream that says nothing of when it is written: the same content gives the same file."""
+    stream = rr.RecordingStream(application, recording_id=recording_id, send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     return stream
 
 
-def save_stream(stream: rr.RecordingStream, path: Path, blueprint: rrb.Blueprint) -> None:
-    """``stream.save`` with a layout, without the two threads that Rerun 0.41 then leaves for ever."""
+def collect_stream(stream: rr.RecordingStream, blueprint: rrb.Blueprint) -> rr.MemoryRecording:
+    """Keep what is logged to ``stream``, and its layout, to be written by ``drain_as_bytes``.
+
+    Not by ``stream.save``: once a write of it has failed, the stream may wait for ever for its end,
+    and may take half a file for a whole one.
+    """
+    memory = stream.memory_recording()
     with _layout_of(stream, blueprint) as layout_:
-        rerun_bindings.save(
-            path=str(path),
-            default_blueprint=layout_,
-            recording=stream.to_native(),
-            write_footer=True,
+        rerun_bindings.send_blueprint(
+            layout_, make_active=False, make_default=True, recording=stream.to_native()
         )
+    return memory
 
 
 def connect_stream(stream: rr.RecordingStream, url: str, blueprint: rrb.Blueprint) -> None:
-    """``stream.connect_grpc`` with a layout; see ``save_stream``."""
+    """``stream.connect_grpc`` with a layout, without two threads that Rerun 0.41 then leaves."""
     with _layout_of(stream, blueprint) as layout_:
         rerun_bindings.connect_grpc(
             url=url, default_blueprint=layout_, recording=stream.to_native()
@@ -171,6 +177,7 @@ def rebuild_recording(
     attempt: int | None = None,
     open_view: OpenView | None = None,
     oracle_path: OraclePath | None = None,
+    last_only: bool = False,
     progress: Progress = lambda what, share: None,
 ) -> list[Attempt]:
     """Write the chosen attempts to one file, each as a recording of its own.
@@ -179,6 +186,7 @@ def rebuild_recording(
         folder: of the study.
         open_view: draws the camera's pictures; none are made without it.
         oracle_path: gives the oracle's path from each start; without it none is shown.
+        last_only: of the chosen attempts, write the one made last.
 
     Returns:
         the attempts written.
@@ -190,21 +198,21 @@ def rebuild_recording(
     with open_study(folder) as store:
         guard = ErasureGuard.of(store.path.parent)
         attempts = choose(store, participant=participant, rollout=rollout, attempt=attempt)
+        attempts = attempts[-1:] if last_only else attempts
         try:
             out.parent.mkdir(parents=True, exist_ok=True)
-            with workspace(out) as room:
+            with guard.reading(), workspace(out) as room:
                 files: list[Path] = []
                 for number, chosen in enumerate(attempts):
                     progress("rebuilding recordings", number / len(attempts))
                     files.append(room / f"{number}.rrd")
-                    with guard.reading():
-                        data = store.attempt_data(chosen)
+                    data = store.attempt_data(chosen)
                     write_recording(data, files[-1], open_view=open_view, oracle_path=oracle_path)
                 with guard.placing():
                     rename_durably(_join(files, room / "all.rrd"), out)
         except OSError as error:
             raise RecordingUnavailable(
-                f"Cannot write {out}: {error.strerror or error}. Choose another file or make room."
+                f"Cannot write {out}: {refusal(error, 'choose another file')}."
             ) from error
     progress("rebuilding recordings", 1.0)
     return attempts
@@ -225,20 +233,17 @@ def write_recording(
     attempt, world, start = data.attempt, data.rollout.world, data.start
     stream = new_stream(data.rollout, attempt.participant, attempt.attempt)
     shown_as = layout.blueprint(world, start, pictures=open_view is not None)
-    try:
-        with whole_recording(stream, out, shown_as):
-            stream.send_recording_name(layout.recording_name(*attempt.key))
-            log_world(stream, world, start)
-            log = DriveLog(stream, data.rollout.control_hz)
-            log.steps(data.steps, data.times)
-            log.events(data.events)
-            log_end(stream, data, oracle_path and oracle_path(world, start))
-            if open_view is not None and data.steps:
-                with open_view(world) as view:
-                    shown = _shown_steps(data.steps, data.rollout.control_hz)
-                    log.pictures(shown, _jpegs(view, shown))
-    except RuntimeError as error:  # what Rerun raises when a write fails
-        raise OSError(f"{error}") from error
+    with whole_recording(stream, out, shown_as):
+        stream.send_recording_name(layout.recording_name(*attempt.key))
+        log_world(stream, world, start)
+        log = DriveLog(stream, data.rollout.control_hz)
+        log.steps(data.steps, data.times)
+        log.events(data.events)
+        log_end(stream, data, oracle_path and oracle_path(world, start))
+        if open_view is not None and data.steps:
+            with open_view(world) as view:
+                shown = _shown_steps(data.steps, data.rollout.control_hz)
+                log.pictures(shown, _jpegs(view, shown))
 
 
 @contextmanager
@@ -248,15 +253,15 @@ def whole_recording(
     """Write what the block logs to ``out``, whole; if the block raises, ``out`` is as it was.
 
     Raises:
-        OSError, RuntimeError: it cannot be written; the second is what Rerun raises.
+        OSError: it cannot be written.
     """
     with whole_file(out) as part:
         try:
-            save_stream(stream, part, blueprint)
+            memory = collect_stream(stream, blueprint)
             yield
-            stream.flush()
+            part.write_bytes(memory.drain_as_bytes())
         finally:
-            stream.disconnect()  # also after an error: Windows deletes no file that is open
+            stream.disconnect()
 
 
 def _shown_steps(steps: Sequence[LabelledStep], control_hz: float) -> Sequence[LabelledStep]:
@@ -278,11 +283,17 @@ def _jpegs(view: View, steps: Sequence[LabelledStep], car: CarConfig | None = No
 
 
 def _join(files: Sequence[Path], out: Path) -> Path:
-    """Merge recordings into ``out``; returns the file that holds them all."""
+    """Merge recordings into ``out``; returns the file that holds them all.
+
+    Raises:
+        OSError: ``out`` cannot be written.
+    """
     if len(files) == 1:
         return files[0]
     command = [str(rerun_executable()), "rrd", "merge", *map(str, files), "-o", str(out)]
     done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
-    if done.returncode != 0 or not out.is_file():
-        raise RecordingUnavailable(f"Cannot join {len(files)} recordings: {done.stderr.strip()}.")
+    if done.returncode != 0:
+        said = done.stderr.strip().splitlines() or ["it said nothing"]
+        raise why_not_written(out, f"they cannot be joined: {said[-1].rstrip('.')}")
+    check_written(out)  # also where Rerun ends well, for want of room
     return out

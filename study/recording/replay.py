@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import NoPath, NoRenderer
+from steerlab.sim.files.by_suffix import has_suffix
+from steerlab.sim.files.output_folder import check_output_file
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.progress import Progress
 from steerlab.sim.world import WorldSpec
@@ -29,11 +31,13 @@ class ReplayConfig:
     """What to show, and how.
 
     Attributes:
-        participant, rollout, attempt: choose the attempts; None stands for all.
+        participant, rollout, attempt: choose the attempts; None stands for all. A screenshot shows
+            the last of them, and only that one is made for it.
         pictures: draw the camera's view again from the stored poses.
         save: write the recording to this file instead of showing it.
         screenshot: draw the viewer to this PNG file, without a display, instead of showing it.
         at_s: time of the screenshot, from the attempt's start.
+        video: write a video of the last attempt chosen to this .mp4 file instead of showing it.
     """
 
     participant: str | None = None
@@ -43,6 +47,7 @@ class ReplayConfig:
     save: Path | None = None
     screenshot: Path | None = None
     at_s: float | None = None
+    video: Path | None = None
 
 
 def replay(
@@ -63,10 +68,18 @@ def replay(
 
     Raises:
         RecordingUnavailable: there is nothing to show, or nothing to show it with.
+        OutputError: a file cannot be written.
         StoreError: the study cannot be read.
     """
     config = config or ReplayConfig()
-    if path.suffix == ".rrd" and path.is_file():
+    for target in (config.save, config.screenshot, config.video):
+        if target is not None:
+            check_output_file(target)
+    if config.video is not None:
+        shown = [_video(path, config, config.video, progress)]
+        if config.save is None and config.screenshot is None:
+            return shown
+    if has_suffix(path, ".rrd") and path.is_file():
         _present(path, config, show)
         return []
     temporary = nullcontext() if config.save is not None else tempfile.TemporaryDirectory()
@@ -81,6 +94,7 @@ def replay(
                 attempt=config.attempt,
                 open_view=view_of if config.pictures else None,
                 oracle_path=oracle_path,
+                last_only=config.save is None and config.screenshot is not None,
                 progress=progress,
             )
         except NoRenderer as error:
@@ -92,6 +106,25 @@ def replay(
     return attempts
 
 
+def _video(path: Path, config: ReplayConfig, out: Path, progress: Progress) -> Attempt:
+    from steerlab.study.recording.video import VIDEO_PX, make_video
+
+    if not has_suffix(out, ".mp4"):
+        raise RecordingUnavailable(f"{out} does not end in .mp4, which a video does; rename it.")
+    try:
+        return make_video(
+            path,
+            out,
+            participant=config.participant,
+            rollout=config.rollout,
+            attempt=config.attempt,
+            open_view=lambda world: view_of(world, VIDEO_PX),
+            progress=progress,
+        )
+    except NoRenderer as error:
+        raise RecordingUnavailable(f"A video cannot be drawn: {error}") from error
+
+
 def _present(file: Path, config: ReplayConfig, show: Callable[[Sequence[Path]], None]) -> None:
     if config.screenshot is not None:
         screenshot(file, config.screenshot, at_s=config.at_s)
@@ -99,12 +132,14 @@ def _present(file: Path, config: ReplayConfig, show: Callable[[Sequence[Path]], 
         show([file])
 
 
-def view_of(world: WorldSpec) -> AbstractContextManager[View]:
-    """The car's camera, at the size of the pictures in a recording."""
+def view_of(
+    world: WorldSpec, size_px: tuple[int, int] = PICTURE_PX
+) -> AbstractContextManager[View]:
+    """The car's camera, by default at the size of the pictures in a recording."""
     from steerlab.sim.engine.camera import CameraConfig
     from steerlab.sim.engine.world_view import WorldView
 
-    width, height = PICTURE_PX
+    width, height = size_px
     return WorldView(world, CameraConfig(width=width, height=height))
 
 

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Self
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.folder_lock import RUN_LOCK, FolderLock, LockedOut, locked
 from steerlab.sim.files.provenance import versions
+from steerlab.sim.files.refusal import refusal
 from steerlab.sim.progress import Progress
 from steerlab.study.recording.live_rerun import LiveRerun, OpenViewer
 from steerlab.study.recording.writer import AttemptWriter, RecordingError, WriterThread
@@ -19,9 +20,12 @@ from steerlab.study.store.records import Attempt, SessionRecord, StoredRollout
 from steerlab.study.store.store import STUDY_FILE, StudyStore
 from steerlab.teleop.devices.contract import DeviceInfo
 from steerlab.teleop.drives.contract import Drive
+from steerlab.teleop.latency import input_latency_ms
+from steerlab.teleop.pacing import PacingConfig
 
 if TYPE_CHECKING:
     from steerlab.study.recording.rebuild import OpenView, OraclePath
+    from steerlab.teleop.screen.drive_screen import DriveScreen
 
 RECORDINGS = "recordings"
 """The subfolder of the Rerun recordings."""
@@ -46,6 +50,18 @@ class SessionInfo:
     screen_px: tuple[int, int] | None = None
     input_latency_ms: float | None = None
     settings: Mapping[str, str] = field(default_factory=dict)
+
+    def before(self, screen: "DriveScreen | None", pacing: PacingConfig) -> "SessionInfo":
+        """With what is known of the window; the same where nobody looks, or nothing is left."""
+        if screen is None or screen.resolution is None:
+            return self
+        return replace(
+            self,
+            display_hz=pacing.display_hz,
+            screen_px=screen.resolution.window_px,
+            input_latency_ms=input_latency_ms(screen.resolution.frame_ms, pacing),
+            settings={**self.settings, **screen.settings},
+        )
 
 
 class SessionRecorder:
@@ -172,22 +188,27 @@ class SessionRecorder:
 
     def close(self) -> None:
         """End what is open and wait until all is on the disk; calling it again does nothing."""
+        self._close(told=False)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        self._close(told=isinstance(error, RecordingError))
+
+    def _close(self, *, told: bool) -> None:
+        """Close; ``told`` if the caller knows already that no more can be kept."""
         if self._open is not None and self._open.open:
             try:
                 self._open.abandon("the session ended during it")
             except RecordingError as error:  # it stays marked as running, for the next start
-                _log.warning("%s", error)
+                if not told:
+                    _log.warning("%s", error)
         self._open = None
         if self._live is not None:
             self._thread.ask(self._live.close)
             self._live = None
         self._undo.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
 
     # In the writer thread, which owns the store.
 
@@ -225,11 +246,11 @@ class SessionRecorder:
 
     def _warn(self, text: str) -> None:
         self.warnings.append(text)
-        _log.warning("%s", text)
         try:
             self._store.record("warning", " ".join(text.split()))
         except StoreError as error:  # the next step or the end of the attempt fails of the same
-            _log.warning("%s", error)
+            text = f"{text} The warning is not kept: {error}"
+        _log.warning("%s", text)
 
 
 def _lock(folder: Path, undo: ExitStack) -> None:
@@ -245,6 +266,5 @@ def _lock(folder: Path, undo: ExitStack) -> None:
         raise RecordingError(str(error)) from error
     except OSError as error:
         raise RecordingError(
-            f"Cannot record into {folder}: {error.strerror or error}. Choose a folder that can be "
-            f"written."
+            f"Cannot record into {folder}: {refusal(error, 'choose a folder that can be written')}."
         ) from error

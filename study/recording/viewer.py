@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Self
 
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.own_process import apart_from_terminal
+from steerlab.sim.files.refusal import refusal
 
 if TYPE_CHECKING:
     from rerun.experimental import Recording, ViewerClient
@@ -89,14 +90,14 @@ class ViewerProcess:
                 stdin=subprocess.DEVNULL,
                 stdout=self._output,
                 stderr=self._output,
-                env={**os.environ, "RERUN_APP_ONLY": "true", "NO_COLOR": "1"},
+                env={**os.environ, "RERUN_APP_ONLY": "true", "NO_COLOR": "1", "RUST_LOG": "info"},
                 **apart_from_terminal(),
             )
         except OSError as error:
             self._output.close()
             raise RecordingUnavailable(
-                f"The Rerun viewer cannot be started: {error.strerror or error}. Install it with "
-                f"pip install rerun-sdk."
+                f"The Rerun viewer cannot be started: "
+                f"{refusal(error, 'install it with pip install rerun-sdk')}."
             ) from error
         self._wait_until_up(start_s, 0.0 if headless else WINDOW_S)
 

@@ -11,9 +11,8 @@ from hashlib import sha256
 
 from steerlab.study.store.connection import StoreConnection
 from steerlab.study.store.rows import Table
+from steerlab.study.store.seals import ANSWER, ANSWERED, Row, sealing
 from steerlab.study.surveys.answer_format import Value
-
-ANSWERED = "answer kept"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -35,11 +34,16 @@ class Response:
     nonce: str
 
     @property
-    def seal(self) -> str:
-        """The text that the audit keeps of it."""
+    def row(self) -> Row:
+        """Its name in the audit."""
+        return ANSWER, self.id
+
+    @property
+    def digest(self) -> str:
+        """What the audit keeps of it."""
         fields = [self.participant, self.phase, self.phase_run, self.questionnaire, self.item]
         text = json.dumps([*fields, self.value, self.nonce], ensure_ascii=False)
-        return f"response {self.id} {sha256(text.encode()).hexdigest()}"
+        return sha256(text.encode()).hexdigest()
 
 
 RESPONSES = Table("responses", Response)
@@ -68,7 +72,7 @@ def insert_response(
         nonce=secrets.token_hex(16),
     )
     RESPONSES.insert(connection, response)
-    connection.log(ANSWERED, response.seal)
+    connection.log(ANSWERED, sealing(response.row, response.digest))
 
 
 def read_responses(

@@ -1,5 +1,6 @@
 """The study database's file: made, opened, recognised, and read and written in transactions."""
 
+import logging
 import sqlite3
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
@@ -8,9 +9,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn, Self
 
+from steerlab.sim.files.refusal import refusal
 from steerlab.study.store.audit import append_audit, now
 from steerlab.study.store.errors import StoreError
+from steerlab.study.store.head import REMEDY, keep_head, missing_head
 from steerlab.study.store.schema import APPLICATION_ID, SCHEMA, STORE_VERSION
+
+_log = logging.getLogger(__name__)
 
 BUSY_TIMEOUT_S = 5.0
 
@@ -19,10 +24,12 @@ _REMEDIES = {
     sqlite3.SQLITE_LOCKED: "another program holds it; close that program and try again",
     sqlite3.SQLITE_READONLY: "make the file and its folder writable, or open it with read_only",
     sqlite3.SQLITE_PERM: "make the file and its folder readable and writable",
-    sqlite3.SQLITE_IOERR: "check the disk and its cable",
+    sqlite3.SQLITE_IOERR: "see that this disk has room and no quota or limit of the size of files "
+    "(ulimit -f) is met, then check the disk and its cable; what was stored before is safe",
     sqlite3.SQLITE_CORRUPT: "restore the study folder from its last copy",
     sqlite3.SQLITE_FULL: "free some room on this disk; what was stored before is safe",
-    sqlite3.SQLITE_CANTOPEN: "check that the folder exists and is readable and writable",
+    sqlite3.SQLITE_CANTOPEN: "check that the folder exists and is readable and writable, and that "
+    "this program may open more files (ulimit -n)",
     sqlite3.SQLITE_NOTADB: "it is not a SQLite file at all; give the study.db of a study folder",
 }
 
@@ -56,8 +63,8 @@ class StoreConnection:
             raise StoreError(f"{path} exists already; open it, or choose another folder.") from None
         except OSError as error:
             raise StoreError(
-                f"Cannot make {path}: {error.strerror}. Check that its folder exists and is "
-                f"writable."
+                f"Cannot make {path}: "
+                f"{refusal(error, 'check that its folder exists and is writable')}."
             ) from error
         try:
             with _closed_on_error(path, "make a study", read_only=False) as connection:
@@ -75,15 +82,21 @@ class StoreConnection:
             read_only: change nothing; also from where nothing can be written.
 
         Raises:
-            StoreError: the file is missing, foreign, damaged, locked or of another version.
+            StoreError: the file is missing, foreign, damaged, locked, of another version, or an
+                older copy; the last is a warning if nothing is to be changed.
         """
         if not path.is_file():
             raise StoreError(f"There is no study database at {path}; check the path or create one.")
         with _closed_on_error(path, "open the study", read_only=read_only) as connection:
             _check_ours(connection, path)
+            older = missing_head(path, connection)
+            if older and not read_only:
+                raise StoreError(f"{older}. {REMEDY}.")
             if not read_only:  # take the lock once: a read-only file is told now, not in a drive
                 connection.execute("BEGIN IMMEDIATE")
                 connection.execute("COMMIT")
+        if older:
+            _log.warning("%s. %s.", older, REMEDY)
         return cls(connection, path)
 
     def close(self) -> None:
@@ -123,6 +136,25 @@ class StoreConnection:
         append_audit(self.sqlite, act, detail)
 
     @contextmanager
+    def snapshot(self) -> Generator[None]:
+        """Read in this block what was kept when it began, whatever others keep meanwhile.
+
+        In a transaction, or a snapshot, it adds nothing.
+
+        Raises:
+            StoreError: the file cannot be read.
+        """
+        if self.sqlite.in_transaction:
+            yield
+            return
+        self.read("BEGIN")
+        try:
+            yield
+        finally:
+            with suppress(sqlite3.Error):  # SQLite has rolled back, or the file is closed
+                self.run("ROLLBACK")
+
+    @contextmanager
     def transaction(self, act: str, *, durable: bool = False) -> Generator[None]:
         """Do all of the block or nothing; ``durable`` waits until the disk has it and all before.
 
@@ -141,6 +173,9 @@ class StoreConnection:
             if isinstance(error, sqlite3.Error):
                 fail(self.path, act, error)
             raise
+        else:
+            if durable:
+                keep_head(self.path, self.sqlite)
         finally:
             if durable:
                 with suppress(sqlite3.Error):  # left at FULL, the store is slower, never less safe

@@ -7,12 +7,14 @@ kept together or not at all; each logs its act. Erasing a participant's rows is 
 import sqlite3
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from time import sleep
 
 from steerlab.sim.records import check_name
-from steerlab.study.store.connection import StoreConnection, fail
+from steerlab.study.store.connection import BUSY_TIMEOUT_S, StoreConnection, fail
 from steerlab.study.store.errors import StoreError
 from steerlab.study.store.rows import Table
 from steerlab.study.store.schema import ERASED_IN_ORDER
+from steerlab.study.store.seals import log_erasure
 
 
 class PhaseAct(StrEnum):
@@ -39,6 +41,7 @@ class Enrolment:
     Attributes:
         at_utc: when; ``insert_enrolment`` sets it.
         allocation: what the order was drawn from; participants of equal allocation share blocks.
+        place: in these blocks, from 0; None for whom no order was drawn.
         condition_order: condition keys.
     """
 
@@ -46,8 +49,9 @@ class Enrolment:
     role: str
     at_utc: str = ""
     protocol_version: int
-    allocation: str
-    condition_order: tuple[str, ...]
+    allocation: str = ""
+    place: int | None = None
+    condition_order: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -55,6 +59,9 @@ class PhaseEvent:
     """One act on one phase.
 
     Attributes:
+        detail: what there is to say of it: why a phase was skipped, the orders of items that a page
+            had, what was entered with a consent, what a practice drive reached, which rollouts alone
+            are reopened; empty for most.
         first_attempt: how many attempts the participant had made by then; attempts before the last
             reopening do not count.
     """
@@ -66,6 +73,19 @@ class PhaseEvent:
     detail: str
     first_attempt: int
 
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Decision:
+    """Consent, given or refused, to the text of that version and hash."""
+
+    at_utc: str
+    given: bool
+    version: int
+    sha256: str
+
+
+DECISIONS = Table("consents", Decision)
+_LOOKS, _LOOK_MS = 30, 500  # for programs that read, before an erasure gives up
 
 ENROLMENTS = Table("enrolments", Enrolment, joined=("role",))
 PHASE_EVENTS = Table("phase_events", PhaseEvent)
@@ -136,12 +156,10 @@ def read_consents(connection: StoreConnection) -> dict[str, bool]:
     return {participant: bool(given) for participant, given in rows}
 
 
-def read_consented_sha256(connection: StoreConnection, participant: str) -> str | None:
-    """Hash of the text that a participant has decided on; None before they have."""
-    rows = connection.read(
-        "SELECT sha256 FROM consents WHERE participant = ? ORDER BY id DESC LIMIT 1", participant
-    )
-    return rows[0][0] if rows else None
+def read_decision(connection: StoreConnection, participant: str) -> Decision | None:
+    """A participant's last decision; None before there is one."""
+    tail = "WHERE participant = ? ORDER BY id DESC LIMIT 1"
+    return next(iter(DECISIONS.select(connection, tail, participant)), None)
 
 
 def insert_link(connection: StoreConnection, participant: str, token_sha256: str) -> None:
@@ -187,6 +205,7 @@ def erase_rows(connection: StoreConnection, participant: str) -> None:
     """
     connection.run("PRAGMA secure_delete = ON")
     with connection.transaction(f"erase {participant!r}", durable=True):
+        log_erasure(connection, participant)
         connection.run("INSERT INTO erasing VALUES (?)", participant)
         for table in ERASED_IN_ORDER:
             connection.run(f"DELETE FROM {table} WHERE participant = ?", participant)
@@ -202,15 +221,21 @@ def scrub(connection: StoreConnection) -> None:
     """Rewrite the file without what was deleted, and empty the write-ahead log.
 
     Raises:
-        StoreError: another program reads the database, so that traces remain.
+        StoreError: another program reads the database for half a minute, so that traces remain.
     """
     try:
         connection.run("VACUUM")
-        busy, _, _ = connection.run("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+        connection.run(f"PRAGMA busy_timeout = {_LOOK_MS}")  # nobody can write in that time
+        for _ in range(_LOOKS):
+            busy, _, _ = connection.run("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+            if not busy:
+                return
+            sleep(_LOOK_MS / 1000)
     except sqlite3.Error as error:
         fail(connection.path, "remove what was erased", error)
-    if busy:
-        raise StoreError(
-            f"Another program reads {connection.path}, so traces of what was erased remain in its "
-            f"write-ahead log; close it and withdraw the participant again."
-        )
+    finally:
+        connection.run(f"PRAGMA busy_timeout = {BUSY_TIMEOUT_S * 1000:.0f}")
+    raise StoreError(
+        f"Another program reads {connection.path}, so traces of what was erased remain in its "
+        f"write-ahead log; close it and withdraw the participant again."
+    )

@@ -101,6 +101,12 @@ CREATE TABLE audit (
     sha256 TEXT
 ) STRICT;
 
+-- Audits of studies that were merged into this one; study: the hash of such an audit's first entry.
+CREATE TABLE merged_audits (
+    study TEXT NOT NULL, id INTEGER NOT NULL, at_utc TEXT NOT NULL, act TEXT NOT NULL,
+    detail TEXT NOT NULL, sha256 TEXT, PRIMARY KEY (study, id)
+) STRICT;
+
 CREATE TABLE protocols (
     version INTEGER PRIMARY KEY CHECK (version > 0), frozen_utc TEXT NOT NULL,
     sha256 TEXT NOT NULL, text TEXT NOT NULL, why TEXT NOT NULL
@@ -114,7 +120,7 @@ CREATE TABLE instruments (
 CREATE TABLE enrolments (
     {_PERSON} PRIMARY KEY, at_utc TEXT NOT NULL,
     protocol_version INTEGER NOT NULL REFERENCES protocols (version),
-    allocation TEXT NOT NULL, condition_order TEXT NOT NULL
+    allocation TEXT NOT NULL, place INTEGER CHECK (place >= 0), condition_order TEXT NOT NULL
 ) STRICT;
 
 CREATE TABLE departures (
@@ -223,6 +229,7 @@ _APPENDED = {
     "enrolments": "participant",
     "departures": "participant",
     **dict.fromkeys((*_BY_ID, "models", "teaching_rounds"), "id"),
+    "merged_audits": "study, id",
     "teaching_targets": f"{_ATTEMPT}, step",
     "teaching_trials": "participant, phase, phase_run, round, start",
 }
@@ -235,7 +242,7 @@ _STAYING = (
 )
 _KEPT = (
     *("participants", "rollouts", "enrolments", "departures"),
-    *("protocols", "instruments", "models"),
+    *("protocols", "instruments", "models", "merged_audits"),
 )
 _NOT_ERASING = "OLD.participant IS NULL OR OLD.participant NOT IN (SELECT participant FROM erasing)"
 

@@ -1,16 +1,24 @@
 """Digests of rows in the audit's chain: labels, embeddings, networks and taught rounds, as they were.
 
-Answers have seals of their own (``answers.py``), with a nonce, since there are few possible ones.
+Answers have digests of their own (``answers.py``), with a nonce, since there are few possible ones.
+An erasure logs which sealed rows it takes, by kind and id: what else is gone, nobody erased.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from hashlib import sha256
 
+from steerlab.study.store.audit import AuditEntry
 from steerlab.study.store.connection import StoreConnection
+from steerlab.study.store.errors import StoreError
 
 SEALED = "sealed"
-"""The audit's act; the detail is what is sealed, as JSON, a blank, and the digest."""
+ANSWERED = "answer kept"
+"""Acts of the audit whose detail is a row's kind and key, as a JSON list, a blank, and its digest."""
+ROWS_ERASED = "rows erased"
+"""The act whose detail is a JSON list of such kinds with keys."""
+ANSWER = "response"
+"""The kind of an answer."""
 
 _OF_ATTEMPT = "WHERE participant = ? AND rollout = ? AND attempt = ?"
 _ROUND = "WHERE id = ?"
@@ -38,7 +46,16 @@ _EVERYTHING = {
     "round": "SELECT id FROM teaching_rounds",
 }
 
-Key = tuple[str | int, ...]
+_SEALED_OF = {
+    ANSWER: "SELECT id FROM responses WHERE participant = ?",
+    "attempt": f"{_EVERYTHING['attempt']} AND participant = ?",
+    "w": "SELECT id FROM embeddings WHERE participant = ?",
+    "round": "SELECT id FROM teaching_rounds WHERE participant = ?",
+}
+"""What an erasure takes; networks stay."""
+
+Row = tuple[str | int, ...]
+"""A kind and a key, such as ``("w", 3)``."""
 
 
 def seal(connection: StoreConnection, kind: str, *key: str | int) -> None:
@@ -47,43 +64,86 @@ def seal(connection: StoreConnection, kind: str, *key: str | int) -> None:
     Args:
         kind: ``attempt`` (key: participant, rollout, number), ``network``, ``w`` or ``round`` (id).
     """
-    what = json.dumps([kind, *key], ensure_ascii=False)
-    connection.log(SEALED, f"{what} {_digest(connection, kind, key)}")
+    connection.log(SEALED, sealing((kind, *key), _digest(connection, (kind, *key))))
+
+
+def sealing(row: Row, digest: str) -> str:
+    """The text that the audit keeps of a sealed row."""
+    return f"{json.dumps(row, ensure_ascii=False)} {digest}"
+
+
+def log_erasure(connection: StoreConnection, participant: str) -> None:
+    """Log which sealed rows go with a person, before they go and in the same transaction."""
+    rows = [
+        (kind, *key)
+        for kind, query in _SEALED_OF.items()
+        for key in connection.read(query, participant)
+    ]
+    if rows:
+        connection.log(ROWS_ERASED, json.dumps(rows, ensure_ascii=False))
+
+
+def sealed_rows(entries: Sequence[AuditEntry]) -> dict[Row, str]:
+    """The digest of every row that the audit sealed and no erasure took.
+
+    Raises:
+        StoreError: somebody else wrote into the audit.
+    """
+    sealed: dict[Row, str] = {}
+    for entry in entries:
+        try:
+            if entry.act in (SEALED, ANSWERED):
+                row, _, digest = entry.detail.rpartition(" ")
+                sealed[_row(json.loads(row))] = digest
+            elif entry.act == ROWS_ERASED:
+                for row in json.loads(entry.detail):
+                    sealed.pop(_row(row), None)
+        except (ValueError, TypeError, RecursionError) as error:
+            raise StoreError(
+                f"Entry {entry.id} of the audit ({entry.act}) says {entry.detail[:60]!r}, which is "
+                "not as steerlab writes it; restore the study folder from its last copy."
+            ) from error
+    return sealed
 
 
 def broken_seals(
-    connection: StoreConnection, details: Sequence[str]
-) -> tuple[list[str], list[tuple[str, Key]], int]:
+    connection: StoreConnection, sealed: Mapping[Row, str]
+) -> tuple[list[str], list[str], int]:
     """What differs from its seal or has none, what is gone, and how many are as they were.
 
     Args:
-        details: of the audit's ``SEALED`` entries.
+        sealed: from ``sealed_rows``; answers are left out.
 
     Raises:
         StoreError: the rows cannot be read.
     """
-    sealed: dict[tuple[str, Key], str] = {}
-    for detail in details:
-        what, _, digest = detail.rpartition(" ")
-        kind, *key = json.loads(what)
-        sealed[kind, tuple(key)] = digest
-    present = {
-        (kind, tuple(key)) for kind, query in _EVERYTHING.items() for key in connection.read(query)
+    present: set[Row] = {
+        (kind, *key) for kind, query in _EVERYTHING.items() for key in connection.read(query)
     }
     changed = [
-        f"{kind} {' '.join(map(str, key))}"
-        for kind, key in sorted(present, key=str)
-        if sealed.get((kind, key)) != _digest(connection, kind, key)
+        _name(row)
+        for row in sorted(present, key=str)
+        if sealed.get(row) != _digest(connection, row)
     ]
-    gone = [what for what in sealed if what not in present]
+    gone = [_name(row) for row in sealed if row[0] != ANSWER and row not in present]
     return changed, gone, len(present) - len(changed)
 
 
-def _digest(connection: StoreConnection, kind: str, key: Key) -> str:
+def _row(values: Sequence[str | int]) -> Row:
+    kind, *key = values
+    return (kind, *key)
+
+
+def _name(row: Row) -> str:
+    return " ".join(map(str, row))
+
+
+def _digest(connection: StoreConnection, row: Row) -> str:
+    kind, *key = row
     digest = sha256()
-    for query in _QUERIES[kind]:
-        for row in connection.read(query, *key):
-            plain = [value.hex() if isinstance(value, bytes) else value for value in row]
+    for query in _QUERIES[str(kind)]:
+        for values in connection.read(query, *key):
+            plain = [value.hex() if isinstance(value, bytes) else value for value in values]
             digest.update(json.dumps(plain, ensure_ascii=False).encode("utf-8", "surrogatepass"))
         digest.update(b"\n")
     return digest.hexdigest()

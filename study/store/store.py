@@ -23,6 +23,7 @@ from steerlab.sim.records import (
 from steerlab.study.store.audit import AUDIT, AuditEntry
 from steerlab.study.store.connection import StoreConnection, fail
 from steerlab.study.store.errors import StoreError
+from steerlab.study.store.head import SUFFIX
 from steerlab.study.store.records import (
     ATTEMPTS,
     EVENTS,
@@ -44,6 +45,8 @@ from steerlab.teleop.timing import StepTiming
 
 STUDY_FILE = "study.db"
 """The store's name in a study's folder."""
+DATABASE_FILES = (STUDY_FILE, f"{STUDY_FILE}-wal", f"{STUDY_FILE}-shm", f"{STUDY_FILE}{SUFFIX}")
+"""The store with what lies beside it."""
 
 _INSERT_STEP = f"INSERT INTO steps VALUES ({', '.join('?' * len(COLUMNS))})"
 _THIS_ATTEMPT = "WHERE participant = ? AND rollout = ? AND attempt = ?"

@@ -44,6 +44,21 @@ TEACHING_SCHEMA = pa.schema(
 ``given_mae`` of what the person gave at the same steps; null where nothing was asked.
 """
 
+TRIALS_SCHEMA = pa.schema(
+    [
+        *(TEACHING_SCHEMA.field(name) for name in ("participant", "phase", "condition", "round")),
+        pa.field("start", pa.int32(), nullable=False),
+        pa.field("outcome", pa.string(), nullable=False),
+        pa.field("final_distance_m", pa.float64(), nullable=False),
+    ]
+)
+"""A row for each evaluation drive of a round that counts, from the ``start``-th start."""
+_COUNTS = (
+    "r.phase_run = (SELECT count(*) FROM phase_events AS e WHERE "
+    "e.participant = r.participant AND e.phase = r.phase AND e.act = ?)"
+)
+"""Rounds of a phase that was opened again do not count."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TaughtRound:
@@ -193,9 +208,7 @@ def read_teaching_rounds(connection: StoreConnection) -> pa.Table:
         "FROM teaching_rounds AS r LEFT JOIN teaching_trials AS t "
         "ON t.participant = r.participant AND t.phase = r.phase AND t.phase_run = r.phase_run "
         "AND t.round = r.round "
-        "WHERE r.phase_run = (SELECT count(*) FROM phase_events AS e WHERE "
-        "e.participant = r.participant AND e.phase = r.phase AND e.act = ?) "
-        "GROUP BY r.id",
+        f"WHERE {_COUNTS} GROUP BY r.id",
         *(Outcome.BALL_REACHED.value, PhaseAct.REOPENED.value),
     )
     names = [name for name in TEACHING_SCHEMA.names if name != "position"]
@@ -205,3 +218,17 @@ def read_teaching_rounds(connection: StoreConnection) -> pa.Table:
         row["position"] = order.index(row["condition"]) + 1 if row["condition"] in order else 0
     rows.sort(key=lambda row: (row["participant"], row["position"], row["phase"], row["round"]))
     return pa.Table.from_pylist(rows, schema=TEACHING_SCHEMA)
+
+
+def read_teaching_trials(connection: StoreConnection) -> pa.Table:
+    """The evaluation drives of all rounds that count: a ``TRIALS_SCHEMA`` table."""
+    values = connection.read(
+        "SELECT r.participant, r.phase, r.condition, r.round, t.start, t.outcome, "
+        "t.final_distance_m FROM teaching_rounds AS r JOIN teaching_trials AS t "
+        "ON t.participant = r.participant AND t.phase = r.phase AND t.phase_run = r.phase_run "
+        f"AND t.round = r.round WHERE {_COUNTS} "
+        "ORDER BY r.participant, r.phase, r.round, t.start",
+        PhaseAct.REOPENED.value,
+    )
+    rows = [dict(zip(TRIALS_SCHEMA.names, row, strict=True)) for row in values]
+    return pa.Table.from_pylist(rows, schema=TRIALS_SCHEMA)

@@ -5,17 +5,23 @@ import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from hashlib import sha256
-from typing import Literal
+from typing import Literal, get_args
 
 from steerlab.sim.errors import InvalidValue, check_words
 from steerlab.study.surveys.answer_format import (
     AnswerFormat,
+    FreeText,
     InvalidAnswer,
     Kind,
     Likert,
     Slider,
     Value,
 )
+from steerlab.study.surveys.branching import ShownIf
+
+Language = Literal["en", "de"]
+"""Those in which a study's pages can speak."""
+Order = Literal["fixed", "random"]
 
 _KEY = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _KEY_WORDS = "lower-case letters, digits and underscores, starting with a letter"
@@ -40,18 +46,30 @@ class Item:
         id: unique within the questionnaire.
         text: as people read it.
         format: what may be answered.
-        required: the page cannot be left without an answer.
+        required: the page cannot be left without an answer, if the item is shown.
+        shown_if: the answer it is shown after; None shows it always.
+        attention: the answer of whoever reads the item, which measures nothing else.
     """
 
     id: str
     text: str
     format: AnswerFormat
     required: bool = True
+    shown_if: ShownIf | None = None
+    attention: Value | None = None
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.id):
             raise InvalidValue("id", self.id, _KEY_WORDS)
         check_words("text", self.text)
+        if self.attention is None:
+            return
+        if isinstance(self.format, FreeText):
+            allowed = "left out: who writes freely may answer rightly in many ways"
+            raise InvalidValue("attention", self.attention, allowed)
+        if self.format.accept(self.attention) != self.attention:
+            allowed = f"an answer to the item: {self.format.allowed}"
+            raise InvalidValue("attention", self.attention, allowed)
 
     @property
     def kind(self) -> Kind:
@@ -102,8 +120,10 @@ class Questionnaire:
         citation: where the items come from, or that they were written for this program.
         licence_note: what is known of the right to use them.
         unvalidated: it has not been shown to measure what its title says.
-        items: in the order in which they are shown.
+        items: in the order of the file, in which they are shown unless ``order`` is random.
         scales: may share items; a questionnaire of facts has none.
+        order: random draws one for each participant (``study.item_orders``).
+        language: of every word in it.
     """
 
     key: str
@@ -115,6 +135,8 @@ class Questionnaire:
     unvalidated: bool
     items: tuple[Item, ...]
     scales: tuple[Scale, ...] = ()
+    order: Order = "fixed"
+    language: Language = "en"
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.key):
@@ -125,11 +147,16 @@ class Questionnaire:
             raise InvalidValue("version", self.version, "a whole number from 1")
         if not self.items:
             raise InvalidValue("items", [], "one or more items")
+        for name, known in (("order", get_args(Order)), ("language", get_args(Language))):
+            if getattr(self, name) not in known:
+                raise InvalidValue(name, getattr(self, name), f"one of {', '.join(known)}")
         ids: set[str] = set()
         for index, item in enumerate(self.items):
             if item.id in ids:
                 raise InvalidValue(f"items[{index}].id", item.id, "another one: it is taken")
             ids.add(item.id)
+        for index in range(len(self.items)):
+            _check_branch(self.items, index)
         keys: set[str] = set()
         for index, scale in enumerate(self.scales):
             if scale.key in keys:
@@ -162,8 +189,22 @@ class Questionnaire:
         return accepted
 
     def missing(self, answers: Mapping[str, Value]) -> list[str]:
-        """Ids of the required items that ``answers`` lacks, in the order of the page."""
-        return [item.id for item in self.items if item.required and item.id not in answers]
+        """Ids of the required items that are shown and that ``answers`` lacks, in file order."""
+        return [item.id for item in self.shown(answers) if item.required and item.id not in answers]
+
+    def shown(self, answers: Mapping[str, Value]) -> tuple[Item, ...]:
+        """The items that are shown to who gave these answers, in the order of the file."""
+        shown: dict[str, Item] = {}
+        for item in self.items:  # what an item depends on comes before it
+            rule = item.shown_if
+            if rule is None or (rule.item in shown and answers.get(rule.item) in rule.answers):
+                shown[item.id] = item
+        return tuple(shown.values())
+
+    def counted(self, answers: Mapping[str, Value]) -> dict[str, Value]:
+        """The answers without those to items that these answers hide."""
+        hidden = {item.id for item in self.items} - {item.id for item in self.shown(answers)}
+        return {item: value for item, value in answers.items() if item not in hidden}
 
     def scale(self, scale: str) -> Scale:
         """The scale of that key.
@@ -189,12 +230,20 @@ class Questionnaire:
         return count * low, count * high
 
     def fingerprint(self) -> str:
-        """SHA-256 of everything in it, so that a study can tell whether it was changed."""
-        text = json.dumps(
-            {**asdict(self), "kinds": [item.kind for item in self.items]},
-            sort_keys=True,
-            ensure_ascii=False,
-        )
+        """SHA-256 of everything in it, so that a study can tell whether it was changed.
+
+        Keys that came later are left out where they have their defaults: a questionnaire without
+        them keeps the hash that studies froze.
+        """
+        values = {**asdict(self), "kinds": [item.kind for item in self.items]}
+        for table, later in (
+            (values, {"order": "fixed", "language": "en"}),
+            *((item, {"shown_if": None, "attention": None}) for item in values["items"]),
+        ):
+            for key, default in later.items():
+                if table[key] == default:
+                    del table[key]
+        text = json.dumps(values, sort_keys=True, ensure_ascii=False)
         return sha256(text.encode()).hexdigest()
 
 
@@ -209,11 +258,38 @@ def bounds(item: Item) -> tuple[int, int]:
     return item.format.low, item.format.high
 
 
+def _check_branch(items: tuple[Item, ...], index: int) -> None:
+    """An item depends on an earlier one, and on answers that it may have."""
+    rule, key = items[index].shown_if, f"items[{index}].shown_if"
+    if rule is None:
+        return
+    before = {item.id: item for item in items[:index]}
+    if rule.item not in before:
+        allowed = f"an item before it ({', '.join(before) or 'there is none'})"
+        if rule.item == items[index].id:
+            allowed += ", not itself"
+        elif rule.item in {item.id for item in items}:
+            allowed += f"; {rule.item!r} comes later, so put it before {items[index].id!r}"
+        else:
+            allowed += f"; there is no {rule.item!r}"
+        raise InvalidValue(f"{key}.item", rule.item, allowed)
+    form = before[rule.item].format
+    if isinstance(form, FreeText):
+        raise InvalidValue(f"{key}.item", rule.item, "an item of another kind than text")
+    for place, answer in enumerate(rule.answers):
+        if form.accept(answer) != answer:
+            allowed = f"an answer to {rule.item!r}: {form.allowed}"
+            raise InvalidValue(f"{key}.is[{place}]", answer, allowed)
+
+
 def _check_scale(scale: Scale, items: Mapping[str, Item], key: str) -> None:
     ranges: set[tuple[int, int]] = set()
     for name in scale.items:
         if name not in items:
             raise InvalidValue(f"{key}.items", name, f"one of {', '.join(items)}")
+        if items[name].attention is not None:
+            allowed = "an item without attention: such a check measures nothing else"
+            raise InvalidValue(f"{key}.items", name, allowed)
         try:
             ranges.add(bounds(items[name]))
         except InvalidValue as error:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from steerlab.sim.errors import InvalidConfig, InvalidValue
+from steerlab.sim.files.by_suffix import files_with
 from steerlab.sim.files.structured import (
     as_table,
     one_of,
@@ -19,10 +20,12 @@ from steerlab.sim.files.structured import (
     within,
     within_file,
 )
-from steerlab.study.surveys.answer_format import Choice, FreeText, Likert, Number, Slider
+from steerlab.study.surveys.answer_format import Choice, FreeText, Likert, Number, Slider, Value
+from steerlab.study.surveys.branching import ShownIf
 from steerlab.study.surveys.questionnaire import Item, Questionnaire
 
 FORMAT = 1
+_OF_EVERY_ITEM = ("id", "text", "required", "shown_if", "attention")
 _FORMATS = {form.kind: form for form in (Likert, Slider, Choice, Number, FreeText)}
 
 
@@ -42,7 +45,11 @@ def all_questionnaires(folder: Path | None = None) -> dict[str, Questionnaire]:
             never changes a known instrument under its name.
     """
     questionnaires = shipped_questionnaires()
+    ours: set[str] = set()
     for path in _files(folder):
+        if path.stem in ours:  # mine.toml and mine.TOML, where they are two files
+            raise InvalidConfig(f"{folder} has two files of the key {path.stem}; remove one.")
+        ours.add(path.stem)
         if path.stem in questionnaires:
             raise InvalidConfig(
                 f"{path} has the key of a shipped questionnaire, which it would replace; give "
@@ -76,7 +83,7 @@ def questionnaire_from_toml(text: str, file: str) -> Questionnaire:
     Raises:
         InvalidConfig: with line, key, value and what is allowed.
     """
-    name = re.split(r"[/\\]", file)[-1].removesuffix(".toml")
+    name = re.sub(r"\.toml$", "", re.split(r"[/\\]", file)[-1], flags=re.IGNORECASE)
     content = toml_values(text, file)
     with within_file(file, text):
         values = versioned(Questionnaire, content, "format", FORMAT, ("defaults",))
@@ -115,11 +122,12 @@ def _item(path: str, given: object, defaults: Mapping[str, Any]) -> Item:
     inherited = {key: value for key, value in defaults.items() if key in keys and key not in table}
     try:
         read = structured(record, inherited | table)
-        values = {key: getattr(read, key) for key in keys - {"id", "text", "kind", "required"}}
+        shared = {key: getattr(read, key) for key in _OF_EVERY_ITEM}
+        values = {key: getattr(read, key) for key in keys - {"kind", *_OF_EVERY_ITEM}}
         if "anchors" in values:
             values["anchors"] = tuple(sorted(values["anchors"].items()))
         answer = _FORMATS[kind](**values)
-        return Item(id=read.id, text=read.text, format=answer, required=read.required)
+        return Item(format=answer, **shared)
     except InvalidValue as error:
         named = re.split(r"[.\[]", error.path)[0]
         raise error.under("defaults" if named in inherited else path) from None
@@ -128,7 +136,14 @@ def _item(path: str, given: object, defaults: Mapping[str, Any]) -> Item:
 @cache
 def _item_record(kind: str) -> Any:
     """A dataclass of the keys that an item of this kind has in the file."""
-    common = [("id", str), ("text", str), ("kind", str, kind), ("required", bool, True)]
+    common = [
+        ("id", str),
+        ("text", str),
+        ("kind", str, kind),
+        ("required", bool, True),
+        ("shown_if", ShownIf | None, None),
+        ("attention", Value | None, None),
+    ]
     return make_dataclass(f"{kind}_item", [*common, *_format_fields(kind)], kw_only=True)
 
 
@@ -165,4 +180,4 @@ def _files(folder: Path | None) -> list[Path]:
         return []
     if not folder.is_dir():
         raise InvalidConfig(f"{folder} is no folder; make it, or ask for shipped questionnaires.")
-    return sorted(folder.glob("*.toml"))
+    return files_with(folder, ".toml")

@@ -1,6 +1,6 @@
 """Scores of the scales of a questionnaire; a missing answer leaves a score empty, with a reason."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,13 +39,15 @@ class ScaleScore:
 def score(questionnaire: Questionnaire, answers: Mapping[str, Value]) -> dict[str, ScaleScore]:
     """The scores of all scales, by the scale's key.
 
-    Nothing is imputed: a scale with a missing answer has no score.
+    Nothing is imputed: a scale with a missing answer has no score. An item that was not shown has
+    no answer.
 
     Raises:
         InvalidAnswer: an answer is to no item of the questionnaire, or is not allowed.
     """
     for item, value in answers.items():
         questionnaire.check(item, value)
+    shown = {item.id for item in questionnaire.shown(answers)}
     scores: dict[str, ScaleScore] = {}
     for scale in questionnaire.scales:
         row = keyed(questionnaire, scale.key, answers)
@@ -60,7 +62,7 @@ def score(questionnaire: Questionnaire, answers: Mapping[str, Value]) -> dict[st
             asked=len(scale.items),
             low=low,
             high=high,
-            reason=f"no answer to {', '.join(missing)}" if missing else "",
+            reason=_why_missing(missing, shown),
         )
     return scores
 
@@ -76,7 +78,7 @@ def keyed(
         InvalidAnswer: an answer is not allowed.
         InvalidValue: there is no such scale.
     """
-    keying = questionnaire.scale(scale)
+    keying, answers = questionnaire.scale(scale), questionnaire.counted(answers)
     low, high = questionnaire.item_range(scale)
     row: list[int | None] = []
     for item in keying.items:
@@ -86,6 +88,14 @@ def keyed(
         value = int(questionnaire.check(item, answers[item]))
         row.append(low + high - value if item in keying.reversed else value)
     return tuple(row)
+
+
+def _why_missing(missing: Sequence[str], shown: Collection[str]) -> str:
+    """Why there is no score; empty if nothing is missing."""
+    unseen = [item for item in missing if item not in shown]
+    unanswered = [item for item in missing if item in shown]
+    reasons = [f"no answer to {', '.join(unanswered)}"] if unanswered else []
+    return "; ".join([*reasons, *([f"not shown: {', '.join(unseen)}"] if unseen else [])])
 
 
 def keyed_table(

@@ -27,6 +27,11 @@ class TeachingMode:
     hands: TeacherAction
 
     @property
+    def needs_w(self) -> bool:
+        """Whether the teacher's labels are mapped by their w."""
+        return self.learner in ("mind-meld", "mind-meld-mean")
+
+    @property
     def before(self) -> tuple[str, ...]:
         """What the person reads before the first round."""
         return _BEFORE[self.hands]

@@ -12,6 +12,8 @@ from steerlab.study.contract import Phase
 from steerlab.study.protocol import StudyProtocol
 from steerlab.study.teaching.conditions import TAUGHT
 from steerlab.teleop.devices.contract import Device
+from steerlab.teleop.markers import Markers
+from steerlab.teleop.screen.config import WindowChoice
 
 UNAVAILABLE = "not available in this version"
 
@@ -30,20 +32,26 @@ class TeachRequest:
         lock: the study's, which the caller holds; a recorder takes it over.
         viewer: also show the drives live in Rerun.
         recordings: write a Rerun recording of each attempt.
+        window: what was chosen for this computer.
         settings: kept with the session, such as the protocol's version.
+        markers: told of each attempt and step; None for nobody.
+        after: what comes next on the participant's page; empty if nothing does.
     """
 
     folder: Path
     participant: str
     phase: Phase
     protocol: StudyProtocol
-    mapper: Path
+    mapper: Path | None
     device: str | Device
     lock: FolderLock
     progress: Progress
     viewer: bool = False
     recordings: bool = True
+    window: WindowChoice = field(default_factory=WindowChoice)
     settings: Mapping[str, str] = field(default_factory=dict)
+    markers: Markers | None = None
+    after: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

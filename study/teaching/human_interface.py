@@ -8,7 +8,6 @@ from steerlab.learning.agents.teaching_contract import AfterRest, FinishedDrive,
 from steerlab.sim.errors import SteerlabError
 from steerlab.sim.progress import ShareProgress
 from steerlab.sim.rollout import Outcome
-from steerlab.study.recording.session_recorder import SessionRecorder
 from steerlab.study.teaching.conditions import TeacherAction, TeachingMode
 from steerlab.study.teaching.live_round import make_live_round
 from steerlab.study.teaching.pages import (
@@ -21,9 +20,10 @@ from steerlab.study.teaching.pages import (
     waiting_page,
 )
 from steerlab.study.teaching.teaching_log import outcome_event
-from steerlab.teleop.attempt import AttemptLoop, SessionConfig
+from steerlab.teleop.attempt import AttemptLoop, Recorder, SessionConfig
 from steerlab.teleop.devices.contract import Button, Device
 from steerlab.teleop.pacing import NS_PER_S
+from steerlab.teleop.page_prompt import with_buttons
 from steerlab.teleop.pages import error_page
 from steerlab.teleop.screen.contract import Act, Page, Screen
 from steerlab.teleop.timing_limits import LoopHealth
@@ -60,7 +60,7 @@ class HumanInterface:
         screen: Screen,
         device: Device,
         poll: Callable[[], None],
-        recorder: SessionRecorder,
+        recorder: Recorder,
         participant: str,
         mode: TeachingMode,
         title: str,
@@ -82,6 +82,7 @@ class HumanInterface:
             now_ns=now_ns,
             sleep_s=sleep_s,
         )
+        self._after = config.after
         self._told: tuple[str, ...] = ()
         self._shown_ns = 0
         self.rests_ns: list[int] = []
@@ -123,7 +124,7 @@ class HumanInterface:
             if finished is None:
                 return None
             if finished.failed:
-                page = untimely_page(finished.failed, number, self._count)
+                page = untimely_page(number, self._count)
                 act = self._ask(page, Act.CONFIRM, Act.REDO)
                 if act is Act.REDO:
                     continue
@@ -134,7 +135,7 @@ class HumanInterface:
     def rest(self, number: int, outcome: Outcome, learn: Work, meanwhile: Work) -> AfterRest:
         """Show how far the robot has learnt; the person goes on only when it has."""
         about = number + 1, self._count, outcome
-        learnt, began_ns = learnt_page(*about), self._now_ns()
+        learnt, began_ns = learnt_page(*about, self._after), self._now_ns()
         try:
             learn(self._ticker(lambda share: learning_page(*about, share), Act.REDO, Act.STOP))
             self.rests_ns.append(self._now_ns() - began_ns)
@@ -166,7 +167,7 @@ class HumanInterface:
             for act in self._attempts.watch.acts(self._device.read()):
                 if act in wanted:
                     raise _Pressed(act)
-            self._screen.show_page(page(share))
+            self._screen.show_page(with_buttons(page(share), self._device.info.buttons))
             self._shown_ns = self._now_ns()
 
         return tick

@@ -34,13 +34,12 @@ from steerlab.study.teaching.human_interface import HumanInterface
 from steerlab.study.teaching.pages import preparing_page
 from steerlab.study.teaching.scripted_interface import ScriptedInterface
 from steerlab.study.teaching.teaching_log import StudyTeachingLog
-from steerlab.teleop.attempt import SessionConfig
+from steerlab.teleop.attempt import Recorder, SessionConfig
 from steerlab.teleop.devices.contract import Device, DeviceInfo, InputKind
 from steerlab.teleop.devices.open import open_device
-from steerlab.teleop.latency import input_latency_ms
+from steerlab.teleop.markers import marked
 from steerlab.teleop.screen.drive_screen import DriveScreen
-from steerlab.teleop.screen.resolution import Resolution
-from steerlab.teleop.sdl import SdlEvents
+from steerlab.teleop.seat import seated
 
 _UNATTENDED = (InputKind.SCRIPTED, InputKind.TRACE)
 
@@ -88,7 +87,7 @@ class _ConditionTeaching:
             with self._recorder(device.info, None) as recorder:
                 interface = ScriptedInterface(
                     device,
-                    recorder,
+                    self._marked(recorder, device.info),
                     participant=request.participant,
                     mode=self._mode,
                     rounds=self._rounds,
@@ -102,31 +101,26 @@ class _ConditionTeaching:
     def attended(self, spec: str) -> bool:
         """By a person before a window."""
         request, protocol = self._request, self._request.protocol
-        display = protocol.display
-        with SdlEvents(window=True) as events:
-            device = open_device(spec, events, autocentre=protocol.wheel.strength)
-            device.connect()
-            try:
-                with DriveScreen(events, display.screen()) as screen:
-                    screen.show_page(preparing_page())
-                    with self._env() as env:
-                        screen.enter(env.task.world)  # measures how fast it can draw
-                        screen.show_page(preparing_page())
-                        with self._recorder(device.info, screen.resolution) as recorder:
-                            interface = HumanInterface(
-                                screen=screen,
-                                device=device,
-                                poll=events.poll,
-                                recorder=recorder,
-                                participant=request.participant,
-                                mode=self._mode,
-                                title=request.phase.title,
-                                count=self._rounds + 1,
-                                config=self._session(),
-                            )
-                            return self._teach(env, interface)
-            finally:
-                device.disconnect()
+        display = request.window.of(protocol.display.screen())
+        with seated(spec, display, autocentre=protocol.wheel.strength) as seat:
+            screen, device = seat.screen, seat.device
+            screen.show_page(preparing_page())
+            with self._env() as env:
+                screen.enter(env.task.world)  # measures how fast it can draw
+                screen.show_page(preparing_page())
+                with self._recorder(device.info, screen) as recorder:
+                    interface = HumanInterface(
+                        screen=screen,
+                        device=device,
+                        poll=seat.events.poll,
+                        recorder=self._marked(recorder, device.info),
+                        participant=request.participant,
+                        mode=self._mode,
+                        title=request.phase.title,
+                        count=self._rounds + 1,
+                        config=self._session(),
+                    )
+                    return self._teach(env, interface)
 
     @contextmanager
     def _env(self) -> Iterator[TaskEnv]:
@@ -183,9 +177,14 @@ class _ConditionTeaching:
             countdown_s=protocol.display.countdown_s,
             show_agent_wheel=protocol.display.show_agent_wheel,
             gates=protocol.gates,
+            after=self._request.after,
         )
 
-    def _recorder(self, device: DeviceInfo, resolution: Resolution | None) -> SessionRecorder:
+    def _marked(self, recorder: SessionRecorder, device: DeviceInfo) -> Recorder:
+        who, markers = self._request.participant, self._request.markers
+        return marked(recorder, markers, participant=who, device=device.name)
+
+    def _recorder(self, device: DeviceInfo, screen: DriveScreen | None) -> SessionRecorder:
         from steerlab.study.recording.viewer import ViewerProcess
 
         request, pacing = self._request, self._session().pacing
@@ -199,25 +198,16 @@ class _ConditionTeaching:
             "learner_seed": str(plan.learner_seed),
             "show_agent_wheel": str(request.protocol.display.show_agent_wheel).lower(),
         }
-        looked: dict[str, object] = {}
-        if resolution is not None:
-            settings |= {"drawn": str(resolution), "view": request.protocol.display.view}
-            looked = {
-                "display_hz": pacing.display_hz,
-                "screen_px": resolution.window_px,
-                "input_latency_ms": input_latency_ms(resolution.frame_ms, pacing),
-            }
         info = SessionInfo(
             participant=request.participant,
             role=self._role,
             device=device,
             control_hz=pacing.control_hz,
             settings=settings,
-            **looked,  # pyright: ignore[reportArgumentType]
         )
         return SessionRecorder(
             request.folder,
-            info,
+            info.before(screen, pacing),
             rerun=request.recordings,
             open_viewer=ViewerProcess if request.viewer else None,
             lock=request.lock,
@@ -263,6 +253,7 @@ def _agent(request: TeachRequest) -> tuple[Agent, str | None]:
     baseline = baseline_of(learner)
     if baseline is None:
         return make_agent(learner, {}), None
+    assert request.mapper is not None
     mapper = load_mapper(request.mapper)
     if request.participant not in mapper.calibrated:
         raise TeachingError(

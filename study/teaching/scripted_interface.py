@@ -11,10 +11,10 @@ from steerlab.sim.records import Driver
 from steerlab.sim.rollout import Outcome, Rollout
 from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.sim.unusual_teachers import UnusualTeacher
-from steerlab.study.recording.session_recorder import SessionRecorder
 from steerlab.study.teaching.conditions import TeacherAction, TeachingMode
 from steerlab.study.teaching.live_round import LiveRound, make_live_round
 from steerlab.study.teaching.teaching_log import outcome_event
+from steerlab.teleop.attempt import Recorder
 from steerlab.teleop.devices.contract import (
     Button,
     Device,
@@ -41,7 +41,7 @@ class ScriptedInterface:
     def __init__(
         self,
         device: Device,
-        recorder: SessionRecorder,
+        recorder: Recorder,
         *,
         participant: str,
         mode: TeachingMode,
@@ -78,7 +78,7 @@ class ScriptedInterface:
             sink=record,
         )
         record.event(0, outcome_event(live.drive.outcome))
-        record.finish()
+        record.finish(())
         return live.finished(record.attempt)
 
     def rest(self, number: int, outcome: Outcome, learn: Work, meanwhile: Work) -> AfterRest:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-from safetensors import SafetensorError
 
 from steerlab.learning.agents.contract import Episode
 from steerlab.learning.agents.episode import decision_rows, make_episode, make_rollout
@@ -24,6 +23,7 @@ from steerlab.learning.policy import (
 )
 from steerlab.learning.policy_training import TrainingRows
 from steerlab.sim.arrays import FloatArray
+from steerlab.sim.files.refusal import refusal
 from steerlab.sim.files.whole_file import whole_file
 from steerlab.sim.live_teacher import DriveContext
 from steerlab.sim.records import Driver
@@ -186,10 +186,11 @@ class StudyTeachingLog:
                 with whole_file(path) as part:
                     save_policy(network, part)
                     kept[f"{POLICIES}/{path.name}"] = sha256(part.read_bytes()).hexdigest()
-        except (OSError, SafetensorError) as error:
+        except OSError as error:
             raise TeachingError(
-                f"The policy of round {number} cannot be kept in {folder}: {error}. Free some room "
-                f"and run the phase again: the drive is kept, and it is learnt from then."
+                f"The policy of round {number} cannot be kept in {folder}: "
+                f"{refusal(error, 'make the folder writable')}. Then run the phase again: the drive "
+                f"is kept, and it is learnt from then."
             ) from error
         return kept
 

@@ -40,6 +40,7 @@ class DeviceInfo:
         guid: SDL's; empty for devices that have none.
         profile_sha256: of the profile file the axes were read with; empty without one.
         force_feedback: ``off: why``, or what is on with its strength.
+        buttons: those that the device has, whatever their numbers are.
         details: what else tells devices apart: rate, resolution, dead zone, operating system.
     """
 
@@ -48,6 +49,7 @@ class DeviceInfo:
     guid: str = ""
     profile_sha256: str = ""
     force_feedback: str = "off: not asked for"
+    buttons: frozenset[Button] = frozenset()
     details: Mapping[str, str] = field(default_factory=dict)
 
 

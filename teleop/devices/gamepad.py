@@ -85,7 +85,13 @@ class GamepadDevice:
             name = self._name or "a gamepad"
             return DeviceInfo(kind=InputKind.GAMEPAD, name=name, details=details)
         pad = self._joystick.info
-        return DeviceInfo(kind=InputKind.GAMEPAD, name=pad.name, guid=pad.guid, details=details)
+        return DeviceInfo(
+            kind=InputKind.GAMEPAD,
+            name=pad.name,
+            guid=pad.guid,
+            buttons=frozenset((Button.PAUSE, Button.REDO, Button.TAKE_OVER)),
+            details=details,
+        )
 
     def connect(self) -> None:
         """Find and open the pad.

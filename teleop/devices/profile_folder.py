@@ -8,15 +8,18 @@ with its line, key and value.
 import json
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
 
 from steerlab.sim.errors import SteerlabError
+from steerlab.sim.files.by_suffix import files_with
+from steerlab.sim.files.refusal import refusal
 from steerlab.sim.files.structured import structured, toml_values, utf8_text, versioned, within_file
-from steerlab.sim.files.whole_file import whole_file
+from steerlab.sim.files.whole_file import whole_file, workspace
 from steerlab.teleop.devices.contract import DeviceError
 from steerlab.teleop.devices.joystick import JoystickInfo
 from steerlab.teleop.devices.profile import WheelProfile
@@ -83,7 +86,7 @@ def sound_profiles(
         return [], []
     profiles: list[StoredProfile] = []
     damaged: list[SteerlabError] = []
-    for path in sorted(folder.glob("*.toml")):
+    for path in files_with(folder, ".toml"):
         try:
             profiles.append(_stored(utf8_text(path), str(path), shipped=False))
         except SteerlabError as error:
@@ -97,19 +100,35 @@ def save_profile(profile: WheelProfile, folder: Path | None = None) -> Path:
     Raises:
         SteerlabError: it cannot be written.
     """
-    folder = folder or user_profile_folder()
     slug = re.sub(r"[^a-z0-9]+", "-", profile.name.casefold()).strip("-") or "wheel"
-    path = folder / f"{slug}-{profile.match.guid}-{profile.match.system}.toml"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with _writing_into(folder) as writable:
+        path = writable / f"{slug}-{profile.match.guid}-{profile.match.system}.toml"
         with whole_file(path) as fresh:
             fresh.write_text(profile_to_toml(profile), encoding="utf-8")
+    return path
+
+
+def check_profile_folder(folder: Path | None = None) -> None:
+    """Find out whether a profile can be kept, before a person calibrates for it.
+
+    Raises:
+        SteerlabError: it cannot.
+    """
+    with _writing_into(folder) as writable, workspace(writable / "profile"):
+        pass
+
+
+@contextmanager
+def _writing_into(folder: Path | None) -> Iterator[Path]:
+    folder = folder or user_profile_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield folder
     except OSError as error:
         raise SteerlabError(
-            f"The profile cannot be kept in {folder}: {error.strerror}. Make the folder writable, "
-            "or set XDG_CONFIG_HOME."
+            f"The profile cannot be kept in {folder}: "
+            f"{refusal(error, 'make the folder writable, or set XDG_CONFIG_HOME')}."
         ) from error
-    return path
 
 
 def find_profile(

@@ -87,7 +87,7 @@ class VirtualJoystick:
         """
         if not pygame.joystick.get_init():
             raise DeviceError("SDL is not running; open SdlEvents before a virtual joystick.")
-        self._sdl = _mapped_sdl()
+        self._sdl = mapped_sdl()
         index = self._sdl.SDL_JoystickAttachVirtualEx(ctypes.byref(self._desc))
         if index < 0:
             raise DeviceError(f"SDL makes no virtual joystick: {self._sdl_error()}.")
@@ -155,7 +155,7 @@ class VirtualJoystick:
         return self._sdl.SDL_GetError().decode(errors="replace") or "no reason given"
 
 
-def _mapped_sdl() -> ctypes.CDLL:
+def mapped_sdl() -> ctypes.CDLL:
     """The SDL that pygame itself runs on; a second copy would have joysticks of its own."""
     try:
         maps = Path("/proc/self/maps").read_text(encoding="utf-8", errors="surrogateescape")

@@ -103,6 +103,7 @@ class WheelDevice:
             guid=device.guid,
             profile_sha256=self._stored.sha256,
             force_feedback="off: not asked for" if feedback is None else feedback.text,
+            buttons=frozenset(profile.buttons),
             details=details,
         )
 

@@ -15,7 +15,7 @@ from steerlab.teleop.devices.calibration import (
 from steerlab.teleop.devices.joystick import RawJoystick
 from steerlab.teleop.devices.measuring import WizardConfig
 from steerlab.teleop.devices.profile import this_system
-from steerlab.teleop.devices.profile_folder import save_profile
+from steerlab.teleop.devices.profile_folder import check_profile_folder, save_profile
 from steerlab.teleop.screen.contract import Act, Page, Screen
 from steerlab.teleop.sdl import SdlEvents
 
@@ -75,6 +75,7 @@ def run_wizard(
     Raises:
         SteerlabError: the profile cannot be written.
     """
+    check_profile_folder(folder)
     wizard = WheelCalibration(
         joystick.info, system=system or this_system(), name=name, config=config
     )

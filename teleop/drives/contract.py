@@ -17,11 +17,13 @@ class DriveFrame:
     Attributes:
         wheel: the car's, in [-2.5, 2.5].
         gate: who drives.
+        speed_mps: the car's, forward.
     """
 
     pose: Pose2D
     wheel: float
     gate: Driver
+    speed_mps: float
 
 
 class Drive(Protocol):

@@ -124,4 +124,5 @@ class LiveDrive:
     def between(self, fraction: float) -> DriveFrame:
         """Between the states before and after the last step, which physics has done already."""
         pose = interpolate(self._before.pose, self._state.pose, fraction)
-        return DriveFrame(pose, self._command.wheel, self._command.gate)
+        speed_mps = float(self._state.velocity[0])
+        return DriveFrame(pose, self._command.wheel, self._command.gate, speed_mps)

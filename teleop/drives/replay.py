@@ -66,7 +66,8 @@ class Replay:
         pose = self._rollout.pose_at(last)
         if fraction > 0.0 and 0 < self._next < self._rollout.steps:
             pose = interpolate(pose, self._rollout.pose_at(self._next), fraction)
-        return DriveFrame(pose, float(self._rollout.robot_wheel[last]), Driver.ROBOT)
+        wheel, speed_mps = self._rollout.robot_wheel[last], self._rollout.velocity[last, 0]
+        return DriveFrame(pose, float(wheel), Driver.ROBOT, float(speed_mps))
 
 
 def interpolate(here: Pose2D, there: Pose2D, fraction: float) -> Pose2D:

@@ -6,6 +6,7 @@ from enum import StrEnum
 from typing import Literal, Protocol
 
 from steerlab.sim.geometry import Pose2D
+from steerlab.sim.rollout import Outcome
 from steerlab.sim.world import WorldSpec
 
 
@@ -14,8 +15,8 @@ class Act(StrEnum):
 
     CONFIRM = "confirm"  # space or enter
     PAUSE = "pause"  # P
-    REDO = "redo"  # R
-    STOP = "stop"  # escape, or the window's close button
+    REDO = "redo"  # R, twice
+    STOP = "stop"  # escape, twice; or the window's close button
     FOCUS_LOST = "focus_lost"
 
 
@@ -32,6 +33,8 @@ class DriveView:
         agent_needle: the robot's wheel, where the protocol shows it; it may anchor labels.
         instruction: one line.
         balls: balls reached so far, in a practice drive; None elsewhere.
+        speed_mps: of the car, forward.
+        outcome: how the drive has ended, if it has.
     """
 
     pose: Pose2D
@@ -47,6 +50,8 @@ class DriveView:
     instruction: str = ""
     balls: int | None = None
     teacher_drives: bool = False
+    speed_mps: float = 0.0
+    outcome: Outcome = Outcome.RUNNING
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -86,6 +91,10 @@ class Screen(Protocol):
 
     def acts(self) -> list[Act]:
         """What was asked for since the last call; the event queue must have been polled."""
+        ...
+
+    def press(self, act: Act) -> None:
+        """Take ``act`` as if its key had been pressed: by a button of the wheel."""
         ...
 
     def enter(self, world: WorldSpec) -> None:

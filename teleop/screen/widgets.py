@@ -1,5 +1,6 @@
 """What drives and pages share: progress pips, key caps and the bar of the wheel's position."""
 
+from steerlab.sim.language import said
 from steerlab.sim.vehicle import WHEEL_LIMIT
 from steerlab.teleop.screen import shapes
 from steerlab.teleop.screen.palette import (
@@ -10,6 +11,7 @@ from steerlab.teleop.screen.palette import (
     PANEL,
     QUIET,
     TRACK,
+    WARNING,
     WORDS,
 )
 from steerlab.teleop.screen.text import Typesetter
@@ -57,6 +59,21 @@ def keycap(text: Typesetter, key: str, size: float) -> pygame.Surface:
     cap.blit(shapes.frame(cap_size, text.px(5), EDGE, max(1, text.px(1))), (0, 0))
     cap.blit(letters, letters.get_rect(center=cap.get_rect().center))
     return cap
+
+
+def notice(text: Typesetter, words: str) -> pygame.Surface:
+    """A question or a warning that lies over everything else for a moment."""
+    line, sign = text.line(words, 20, WORDS), shapes.warning_sign(text.px(26), WARNING, PANEL)
+    pad, gap = text.px(14), text.px(10)
+    size = (
+        line.get_width() + sign.get_width() + 2 * pad + gap,
+        max(line.get_height(), sign.get_height()) + 2 * text.px(9),
+    )
+    made = shapes.panel(size, text.px(10), PANEL).copy()
+    made.blit(shapes.frame(size, text.px(10), WARNING, text.px(2)), (0, 0))
+    made.blit(sign, sign.get_rect(midleft=(pad, size[1] // 2)))
+    made.blit(line, line.get_rect(midright=(size[0] - pad, size[1] // 2)))
+    return made
 
 
 class WheelBar:
@@ -130,12 +147,10 @@ class WheelBar:
         self, needle: float | None, agent: float | None, centre_band: float | None
     ) -> pygame.Surface:
         if agent is not None:
-            return self._text.line("you: bar    robot: diamond", 12, WORDS)
-        if centre_band is None:
-            return self._text.line("0", 12, QUIET)
-        if needle is not None and abs(needle) <= centre_band:
-            return self._text.line("centred", 12, WORDS)
-        return self._text.line("centre", 12, QUIET)
+            return self._text.line(said("you: bar    robot: diamond"), 12, WORDS)
+        if centre_band is not None and needle is not None and abs(needle) <= centre_band:
+            return self._text.line(said("centred"), 12, WORDS)
+        return self._text.line(said("centre"), 12, QUIET)
 
     def _draw_band(self, surface: pygame.Surface, half_width: float) -> None:
         if self._band is None or self._band[0] != half_width:
@@ -156,11 +171,8 @@ class WheelBar:
             mark = pygame.Rect(0, 0, text.px(2), text.px(22 if long else 12))
             mark.center = self.x_px(wheel) - self.rect.left, track.centery
             still.fill(WORDS if long else EDGE, mark)
-        for words, side in (
-            (f"left {WHEEL_LIMIT:g}", "left"),
-            (f"{WHEEL_LIMIT:g} right", "right"),
-        ):
-            label = text.line(words, 12, QUIET)
+        for side in ("left", "right"):
+            label = text.line(said(side), 12, QUIET)
             at = label.get_rect(bottom=self.rect.height)
             setattr(at, side, getattr(still.get_rect(), side))
             still.blit(label, at)

@@ -93,6 +93,12 @@ def test_a_study_from_enrolment_to_report(small_study, analyze, tmp_path):
     page = (out / "report" / "index.html").read_text()
     assert summary["plan_sha256"] in page
     assert "say nothing about people" in page
+    assert "corrected 3 recorded drives, everyone in the same order" in page
+    assert f"{TRAINING + TEST} scripts steered without any device" in page
+    assert "None of 15 attempts broke a limit of timing" in page
+    h1 = tables["hypotheses"][0]
+    assert h1["why"] == f"with {TRAINING} people the smallest p there can be is .125"
+    assert page.count(h1["why"]) == 1
     assert {path.name for path in (out / "report").glob("*.csv")} >= {"table1.csv", "style.csv"}
     kept = list((small_study / "models").glob("analysis-*.safetensors"))
     assert len(kept) == 1

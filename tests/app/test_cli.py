@@ -19,11 +19,7 @@ SMALL = ["--teachers", "7", "--new-teachers", "2", "--rollouts", "4"]
 
 def _refused(capsys, *arguments: str) -> str:
     """The one sentence of a refusal: exit code 2 and no traceback."""
-    try:
-        code = main(list(arguments))
-    except SystemExit as stop:  # tyro's own, for what is no value at all
-        code = stop.code
-    assert code == 2
+    assert main(list(arguments)) == 2
     said = capsys.readouterr().err
     assert "Traceback" not in said
     return said
@@ -71,6 +67,35 @@ def test_no_such_verb(given, said, capsys):
     assert repr(given) in refusal
     assert said in refusal
     assert all(verb in refusal for verb in VERBS)
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("study statuss X", "'statuss' is no act of steerlab study. Did you mean status? Choose"),
+        ("study", "An act is missing: steerlab study takes one of new, enrol, run"),
+        (
+            "study verify --jsn X",
+            "'--jsn' is no option of steerlab study verify. Did you mean --json",
+        ),
+        ("study enrol X", "--role (training, test) is missing; steerlab study enrol --help"),
+        ("study enrol X --role boss", "role is 'boss'; it must be one of training, test."),
+        ("simulate foo --out x", "'foo' is one word too many for steerlab simulate; steerlab sim"),
+        ("simulate --outt x", "'--outt' is no option of steerlab simulate. Did you mean --out?"),
+        ("simulate --noise wild --out x", "noise is 'wild'; it must be one of paper, low, human"),
+        ("fit", "LABELS and --out DIR are missing; steerlab fit --help says more."),
+        ("drive --device", "--device STR has no value; steerlab drive --help says more."),
+        ("drive --pedals=5", "'5' is one word too many for steerlab drive"),
+        ("wheel lst", "act is 'lst'; it must be one of list, calibrate, test. Did you mean list?"),
+        ("replay x --no-pictues", "Did you mean --no-pictures?"),
+        ("doctor \x1b[31mx", "'\\x1b[31mx' is one word too many"),
+    ],
+)
+def test_words_that_are_no_option_are_refused_in_a_sentence_of_ours(typed, said, capsys):
+    refusal = _refused(capsys, *typed.split(" "))
+    assert refusal.startswith(f"steerlab: {said}") or said in refusal
+    assert refusal.count("\n") == 1
+    assert not set("╭│\x1b") & set(refusal)
 
 
 def test_a_verb_may_be_spelt_as_its_function(tmp_path, capsys):

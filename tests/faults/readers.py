@@ -9,12 +9,15 @@ from typing import Any
 
 import pyarrow.csv as pv
 
+from steerlab.analysis.export.bundle import ExportConfig
 from steerlab.analysis.power_study.design import PowerDesign
 from steerlab.analysis.power_study.simulated_studies import BLOCK
 from steerlab.analysis.study_data.conditions_file import left_out_teachers, read_conditions
 from steerlab.analysis.study_data.population import read_population
 from steerlab.analysis.study_data.study import read_study
 from steerlab.app import power as power_run
+from steerlab.app.export import default_out, export
+from steerlab.app.packed_export import packed
 from steerlab.app.population_run import PopulationRunConfig
 from steerlab.app.simulate import simulate
 from steerlab.app.teach import teach
@@ -36,6 +39,7 @@ from steerlab.sim.records import labelled_table
 from steerlab.sim.rollout import Rollout
 from steerlab.sim.shards import read_shards, write_shard
 from steerlab.study.contract import Role
+from steerlab.study.derived import derived_files, left_of
 from steerlab.study.protocol_file import parse_protocol, study_questionnaires
 from steerlab.study.study import Study
 from steerlab.study.surveys.questionnaire_file import questionnaire_from_toml
@@ -252,6 +256,20 @@ def _read_everything(folder: Path) -> object:
     return read_study(folder, networks=1, progress=_silent)
 
 
+def _export(folder: Path) -> Path:
+    """A study with an export in it, and a packed one beside."""
+    study, config = _study(folder), ExportConfig(formats=("csv", "parquet"))
+    export(study, config, None, force=False, progress=_silent)
+    (study / "packed.zip").write_bytes(packed(study, default_out(study, config))[1])
+    return study
+
+
+def _exports_of(folder: Path) -> object:
+    """What an erasure and ``verify`` look for, and what the next export takes as it is."""
+    export(folder, ExportConfig(formats=("csv", "parquet")), None, force=False, progress=_silent)
+    return left_of(folder, "T001"), derived_files(folder, ())
+
+
 READERS = (
     Reader(name="labels, csv", write=_label_csv, read=_read_labels, damage=bytes_of, share=4),
     Reader(
@@ -319,6 +337,22 @@ READERS = (
     ),
     Reader(name="protocol", write=_protocol, read=_read_protocol, damage=bytes_of, share=4),
     Reader(name="trace", write=_trace, read=read_trace, damage=bytes_of, share=16),
+    Reader(
+        name="export's summary",
+        write=_export,
+        read=_exports_of,
+        damage=json_of,
+        damaged=lambda folder: folder / "exports" / "csv+parquet" / "summary.json",
+        share=0.1,
+    ),
+    Reader(
+        name="packed export",
+        write=_export,
+        read=lambda folder: left_of(folder, "T001"),
+        damage=bytes_of,
+        damaged=lambda folder: folder / "packed.zip",
+        share=0.5,
+    ),
     Reader(
         name="study",
         write=_study,

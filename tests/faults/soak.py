@@ -1,7 +1,8 @@
 """What survives a long day: ``python -m tests.faults.soak --kills 200 --cases 1000000``, or ``make soak``.
 
-Kills every writing verb at random moments, and damages every file that steerlab reads; prints what
-it did and what broke, and ends with 1 if anything did.
+Kills every writing verb at random moments, gives it too little disk or handles, damages every file
+that steerlab reads, lets pairs of commands meet, kills the console, and has people come for a day;
+prints what it did and what broke, and ends with 1 if anything did.
 """
 
 import argparse
@@ -27,12 +28,12 @@ class Resources:
     memory_mb: float
 
     @classmethod
-    def now(cls) -> "Resources":
-        """Of this process."""
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    def now(cls, process: str = "self") -> "Resources":
+        """Of this process, or of the one of that id."""
+        pages = int(Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1])
         return cls(
-            threads=len(os.listdir("/proc/self/task")),
-            handles=len(os.listdir("/proc/self/fd")),
+            threads=len(os.listdir(f"/proc/{process}/task")),
+            handles=len(os.listdir(f"/proc/{process}/fd")),
             memory_mb=pages * resource.getpagesize() / 1e6,
         )
 
@@ -64,7 +65,11 @@ def main() -> int:
 
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--scarcities", type=int, default=100, help="too little disk and the like")
     parser.add_argument("--cases", type=int, default=1_000_000)
+    parser.add_argument("--pairs", type=int, default=10, help="meetings of each pair of commands")
+    parser.add_argument("--console-kills", type=int, default=50)
+    parser.add_argument("--day", type=int, default=60, help="people who come on one day")
     parser.add_argument("--seed", type=int, default=0)
     wanted = parser.parse_args()
     logging.disable(logging.CRITICAL)
@@ -79,6 +84,7 @@ def main() -> int:
             broken += report.broken
             print(f"{verb.name}: {report.kills} kills, {len(report.broken)} broke something, "
                   f"{perf_counter() - began:.0f} s", flush=True)  # fmt: skip
+        broken += _starve(Path(room) / "scarce", wanted.scarcities, wanted.seed)
         shares = sum(reader.share for reader in READERS)
         for reader in READERS if wanted.cases else ():
             began, cases = perf_counter(), round(wanted.cases * reader.share / shares)
@@ -88,8 +94,72 @@ def main() -> int:
             broken += leaks
             print(f"{reader.name}: {cases} cases, {len(leaks)} leaks, "
                   f"{perf_counter() - began:.0f} s", flush=True)  # fmt: skip
+        broken += _meet(Path(room) / "pairs", wanted.pairs, wanted.seed)
+        broken += _kill_consoles(Path(room) / "console", wanted.console_kills, wanted.seed)
+        broken += _have_a_day(Path(room) / "day", wanted.day, wanted.seed)
     print("\n".join(broken) or "Nothing broke.")
     return 1 if broken else 0
+
+
+def _starve(room: Path, trials: int, seed: int) -> list[str]:
+    from tests.faults.kills import VERBS
+    from tests.faults.scarcity import no_small_disk, starve
+
+    if trials and (why := no_small_disk()):
+        print(why)
+    broken: list[str] = []
+    for verb in VERBS if trials else ():
+        began, met = perf_counter(), starve(verb, room / verb.name, -(-trials // len(VERBS)), seed)
+        broken += met.broken
+        tried = ", ".join(f"{times} of {kind.value}" for kind, times in met.tried.items())
+        print(f"{verb.name}: {tried}; {met.refused} refusals, {len(met.broken)} broke something, "
+              f"{perf_counter() - began:.0f} s", flush=True)  # fmt: skip
+    return broken
+
+
+def _meet(room: Path, times: int, seed: int) -> list[str]:
+    from tests.faults.pairs import LONG_PAIRS, PAIRS, meet_often
+
+    broken: list[str] = []
+    for pair in (*PAIRS, *LONG_PAIRS) if times else ():
+        began, met = perf_counter(), meet_often(pair, room, times, seed)
+        broken += met.broken
+        print(f"{pair.name}: {times} meetings, {met.refused} refusals, {len(met.broken)} broke "
+              f"something, {perf_counter() - began:.0f} s", flush=True)  # fmt: skip
+    return broken
+
+
+def _kill_consoles(room: Path, kills: int, seed: int) -> list[str]:
+    from tests.faults.console_kill import (
+        kill_before_a_window,
+        kill_while_answering,
+        kill_while_driving,
+    )
+
+    if not kills:
+        return []
+    room.mkdir()
+    broken = kill_before_a_window(room)
+    print(f"a window outlives its console, {len(broken)} broke something", flush=True)
+    for act, times in ((kill_while_answering, kills), (kill_while_driving, -(-kills // 3))):
+        report = act(room, times, seed)
+        broken += report.broken
+        print(f"{act.__name__}: {report.kills} kills, {report.midway} midway, {report.acknowledged} "
+              f"answers acknowledged, {len(report.broken)} broke something", flush=True)  # fmt: skip
+    return broken
+
+
+def _have_a_day(room: Path, people: int, seed: int) -> list[str]:
+    from tests.faults.lab_day import lab_day
+
+    if not people:
+        return []
+    room.mkdir()
+    day = lab_day(room, people, seed)
+    print(f"a day: {day.people} people, {day.answers} answers, {day.drives} drives, {day.analyses} "
+          f"analyses and backups, {day.erased} erasures, {len(day.broken)} broke something; the "
+          f"console began with {day.seen[0]} and ended with {day.seen[-1]}", flush=True)  # fmt: skip
+    return day.broken
 
 
 if __name__ == "__main__":

@@ -1,15 +1,15 @@
-"""Verbs that write, killed a few times each at random moments; `make soak` kills them often."""
+"""Verbs that write, killed at random moments; `make soak` kills all of them, and often."""
 
 import pytest
 
 from tests.faults.kills import VERBS, kill_often
 
-KILLS, OF_SLOW_ONES = 3, 1
-SLOW = ("simulate", "fit", "calibration-set", "teach")
+SOAK_ONLY = ("demo", "fit", "synthetic")  # they write as `simulate` does
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("verb", VERBS, ids=lambda verb: verb.name)
+@pytest.mark.parametrize(
+    "verb", [verb for verb in VERBS if verb.name not in SOAK_ONLY], ids=lambda verb: verb.name
+)
 def test_nothing_is_half_and_the_same_command_finishes(verb, tmp_path):
-    kills = OF_SLOW_ONES if verb.name in SLOW else KILLS
-    assert kill_often(verb, tmp_path, kills, seed=1).broken == []
+    assert kill_often(verb, tmp_path, 2, seed=1).broken == []

@@ -122,6 +122,33 @@ def test_contents_that_do_not_fit_the_header_are_refused(path, trained):
         load_mapper(path)
 
 
+@pytest.mark.parametrize("size", [10**5, 10**9, 10**30])
+def test_sizes_that_a_header_makes_up_get_no_memory(path, trained, size):
+    """Those of the second network would be 40 GB, of the third 10^19 bytes."""
+    header = header_of(trained)
+    for name in ("lstm_size", "encoding_size", "difference_hidden", "embedding_size"):
+        network = {**header["config"]["network"], name: size}
+        rewrite(path, header | {"config": header["config"] | {"network": network}})
+        with pytest.raises(InvalidCheckpoint, match=r"its header says|cannot be read as"):
+            load_mapper(path)
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value"),
+    [
+        ("window", "half_width_s", 1e9),
+        ("window", "rate_hz", 1e30),
+        ("training", "threads", 10**9),
+    ],
+)
+def test_settings_that_would_fill_the_memory_later_are_refused(path, trained, part, name, value):
+    header = header_of(trained)
+    changed = {**header["config"][part], name: value}
+    rewrite(path, header | {"config": header["config"] | {part: changed}})
+    with pytest.raises(InvalidCheckpoint, match=r"mapper.*(more than 1000 samples|at most 1024)"):
+        load_mapper(path)
+
+
 @pytest.mark.parametrize("config", [LAB, PAPER])
 def test_presets_survive_json(config: MapperConfig):
     assert MapperConfig.from_dict(json.loads(json.dumps(config.to_dict()))) == config

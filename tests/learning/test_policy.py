@@ -160,6 +160,16 @@ def test_other_files_are_no_policies(tmp_path):
         load_policy(tmp_path / "bad.safetensors")
 
 
+@pytest.mark.parametrize("sizes", [{"channels": (16, 10**5, 32)}, {"hidden": 10**9}])
+def test_sizes_that_a_header_makes_up_get_no_memory(tmp_path, sizes):
+    path = tmp_path / "p.safetensors"
+    network = _network()
+    network.config = PolicyConfig(**sizes)
+    save_policy(network, path)
+    with pytest.raises(InvalidCheckpoint, match="its header says"):
+        load_policy(path)
+
+
 @pytest.mark.parametrize("sizes", [{"channels": (16, 0, 32)}, {"hidden": 0}, {"channels": (8, 8)}])
 def test_sizes_that_are_none_are_refused(sizes):
     with pytest.raises(InvalidConfig, match="all positive"):

@@ -97,6 +97,12 @@ def test_a_failed_write_keeps_the_old_shard(tmp_path: Path, monkeypatch: pytest.
     assert read_shards(tmp_path).equals(labels(seed=1))
 
 
+def test_a_shard_from_another_system_may_end_in_capitals(tmp_path: Path):
+    write_shard(labels(), tmp_path / "a.parquet")
+    (tmp_path / "a.parquet").rename(tmp_path / "A.PARQUET")
+    assert read_shards(tmp_path).num_rows == 6
+
+
 def test_a_part_of_a_killed_run_is_not_read(tmp_path: Path):
     write_shard(labels(), tmp_path / "a.parquet")
     (tmp_path / ".a-x1y2.part").write_bytes(b"PAR1 half a file")
@@ -108,7 +114,7 @@ def test_a_missing_folder_or_a_wrong_name_is_told(tmp_path: Path):
         read_shards(tmp_path / "nowhere")
     with pytest.raises(InvalidRecord, match=r"holds no \*\.parquet"):
         read_shards(tmp_path)
-    with pytest.raises(InvalidRecord, match="Check that the folder exists"):
+    with pytest.raises(InvalidRecord, match="check that the folder exists"):
         write_shard(labels(), tmp_path / "nowhere" / "a.parquet")
     with pytest.raises(InvalidRecord, match=r"name it a\.parquet"):
         write_shard(labels(), tmp_path / "a.csv")

@@ -34,6 +34,7 @@ SHORT = (
     ('task = "slalom" ', 'task = "easy" '),
     ("gradient_steps = 150 ", "gradient_steps = 5 "),
     ("starts = 10 ", "starts = 1 "),
+    ("network_first = true ", "network_first = false "),
 )
 
 

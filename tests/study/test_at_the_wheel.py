@@ -26,6 +26,7 @@ def at_calibration(folder, change):
         folder,
         ("countdown_s = 3.0", "countdown_s = 0.5"),
         ("width = 960\nheight = 540", "width = 640\nheight = 360"),
+        ("full_screen = true ", "full_screen = false "),
         ("show_agent_wheel = false", "show_agent_wheel = true"),
     )
     script = ScriptedParticipant(kind="human", seed=1)

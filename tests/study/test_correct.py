@@ -118,6 +118,9 @@ class TestInAWindow:
         assert (session.input_kind, session.device_name) == ("wheel", "Logitech G920")
         assert session.input_latency_ms > 0.5
         assert len(session.profile_sha256) == 64
+        assert session.settings["sound"] == "on"
+        assert session.settings["window"].startswith("full screen on 0 (")
+        assert session.settings["view"] == "driver"
 
     def test_a_display_that_vanishes_loses_no_step_and_the_session_goes_on_later(
         self, display, tmp_path

@@ -7,6 +7,7 @@ import pytest
 from steerlab.app import analyze as analysis
 from steerlab.app.analyze import AnalyzeConfig, analyze
 from steerlab.learning.splits import StudySplit
+from steerlab.learning.tensor_file import write_tensors
 from steerlab.study import withdrawal
 from steerlab.study.derived import ErasedMeanwhile, ErasureGuard, left_of
 from steerlab.study.recording import rebuild
@@ -90,6 +91,7 @@ def test_what_was_put_in_place_before_goes_with_the_erasure(trained):
     _analyze(trained, trained / "a first look")
     shutil.copytree(trained / "a first look" / "report", trained / "kept" / "deep" / "report")
     rebuild_recording(trained, trained / "talk.rrd", participant="T001")
+    write_tensors({}, {"people": ["T001"]}, trained / "NETWORK.SAFETENSORS")
     assert left_of(trained, "T001")
     (trained / "notes.txt").write_text("T001 was late")  # nobody's but the experimenter's
     _erase(trained)
@@ -97,6 +99,7 @@ def test_what_was_put_in_place_before_goes_with_the_erasure(trained):
     assert not (trained / "a first look" / "report").exists()
     assert not (trained / "kept" / "deep" / "report").exists()
     assert not (trained / "talk.rrd").exists()
+    assert not (trained / "NETWORK.SAFETENSORS").exists()
     assert (trained / "notes.txt").exists()
     assert _verified(trained).ok
 
@@ -127,3 +130,40 @@ def test_an_erasure_waits_for_what_is_being_put_in_place(trained, monkeypatch):
     assert order == ["placed", "removed"]
     with pytest.raises(ErasedMeanwhile), guard.placing():
         pass
+
+
+def test_an_erasure_removes_what_others_are_writing_and_they_say_why(trained, monkeypatch):
+    """Not that there is no such file, nor that it cannot be deleted."""
+    rooms = []
+
+    class Written(dict):
+        def items(self):
+            rooms.extend(trained.glob(".report-*.part"))
+            _erase(trained)
+            return super().items()
+
+    files = analysis.csv_files
+    monkeypatch.setattr(analysis, "csv_files", lambda tables: Written(files(tables)))
+    with pytest.raises(ErasedMeanwhile, match="Give the same command again"):
+        _analyze(trained, trained)
+    assert rooms
+    assert not any(room.exists() for room in rooms)
+    assert _verified(trained).ok
+
+
+def test_what_its_maker_removes_meanwhile_is_not_left(trained, monkeypatch):
+    from steerlab.study import derived
+
+    _erase(trained)
+    room = trained / ".all-x.part"
+    room.mkdir()
+    (room / "0.rrd").write_bytes(b"RRF2 of T001")
+    assert left_of(trained, "T001") == [room / "0.rrd"]
+    real = derived._holds
+
+    def meanwhile(path, *more):
+        path.unlink()
+        return real(path, *more)
+
+    monkeypatch.setattr(derived, "_holds", meanwhile)
+    assert left_of(trained, "T001") == []

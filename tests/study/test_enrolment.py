@@ -1,8 +1,10 @@
 """Enrolment: pseudonyms, orders, the frozen protocol, and programs that enrol at once."""
 
+import sqlite3
 import subprocess
 import sys
 from collections import Counter
+from contextlib import closing
 from hashlib import sha256
 from itertools import permutations
 
@@ -38,6 +40,31 @@ def test_the_program_chooses_pseudonyms_and_orders(study):
         study.participant("P099")
 
 
+def test_a_form_that_comes_again_does_nothing_again(study, folder):
+    first = study.enrol(Role.TEST, form="a" * 64)
+    study.note(first.id, "late", form="b" * 64)
+    study.close()
+    with Study.open(folder) as later:  # the key outlives the program
+        count = later.change_count()
+        assert later.enrol(Role.TEST, form="a" * 64) == first
+        later.note(first.id, "late", form="b" * 64)
+        assert later.change_count() == count
+        assert later.enrol(Role.TEST, form="c" * 64).id == "P002"
+        assert later.enrol(Role.TEST).id == "P003"
+        assert len(later.notes(first.id)) == 1
+        assert later.verify().ok
+
+
+def test_a_redo_that_comes_again_is_no_error_and_opens_nothing(trained):
+    with Study.open(trained) as study:
+        study.redo("T001", "about-you", form="d" * 64)
+        count = study.change_count()
+        study.redo("T001", "about-you", form="d" * 64)
+        assert study.change_count() == count
+        with pytest.raises(StudyError, match="is not over yet"):
+            study.redo("T001", "about-you", form="e" * 64)
+
+
 def test_the_same_protocol_gives_the_same_orders(study, tmp_path, folder):
     (tmp_path / "other").mkdir()
     text = (folder / "study.toml").read_text()
@@ -55,7 +82,7 @@ def test_a_number_is_never_given_twice(study):
     study.withdraw(first.id, erase=True)
     third = study.enrol(Role.TEST)
     assert third.id == "P003"
-    assert len({first.order, second.order, third.order}) == 3
+    assert third.order == first.order != second.order  # a pseudonym is not, an order is
 
 
 def test_a_protocol_with_a_byte_order_mark_is_frozen_as_its_bytes_are(study, folder):
@@ -222,3 +249,51 @@ def test_first_places_are_balanced_over_seeds():
     first = Counter(order_at(KEYS, seed=s, block_size=6, index=0) for s in range(1200))
     assert len(first) == 6
     assert all(140 < count < 260 for count in first.values())  # 200 expected, sd 13
+
+
+def test_no_test_participant_comes_before_a_network_can_be_trained(folder, change, run_scripted):
+    change(folder, ("network_first = false ", "network_first = true "))
+    with Study.open(folder) as study:
+        run_scripted(study, Role.TRAINING, 1)
+        with pytest.raises(StudyError, match=r"2 training .* must have finished .*, and 1 have"):
+            study.enrol(Role.TEST)
+        assert [one.id for one in study.participants()] == ["T001"]
+        run_scripted(study, Role.TRAINING, 2)
+        assert study.enrol(Role.TEST).id == "P001"
+
+
+def test_a_refused_first_enrolment_freezes_nothing(folder, change):
+    change(folder, ("network_first = false ", "network_first = true "))
+    with Study.open(folder) as study, pytest.raises(StudyError, match="network_first = false"):
+        study.enrol(Role.TEST)
+    with Study.open(folder) as study:
+        assert study.change_count() == 0
+
+
+def test_the_order_of_who_leaves_goes_to_the_next(study):
+    people = [study.enrol(Role.TEST) for _ in range(6)]
+    study.withdraw(people[1].id, erase=False)
+    study.withdraw(people[3].id, erase=True)
+    study.consent(people[4].id, given=False)
+    after = [study.enrol(Role.TEST) for _ in range(4)]
+    freed = [people[1], people[3], people[4]]
+    assert [one.order for one in after[:3]] == [one.order for one in freed]
+    staying = [people[0], people[2], people[5], *after]
+    assert len({one.order for one in staying[:6]}) == 6  # the block is whole again
+    assert next(c for c in study.verify().findings if c.what == "Condition orders").ok
+
+
+def test_two_who_share_a_place_in_the_blocks_are_found(study, folder):
+    first, second = study.enrol(Role.TEST), study.enrol(Role.TEST)
+    study.close()
+    with closing(sqlite3.connect(folder / "study.db")) as database:
+        for (name,) in database.execute(
+            "SELECT name FROM sqlite_master WHERE type = 'trigger'"
+        ).fetchall():
+            database.execute(f"DROP TRIGGER {name}")
+        database.execute("UPDATE enrolments SET place = 0 WHERE participant = ?", (second.id,))
+        database.commit()
+    with Study.open(folder, read_only=True) as opened:
+        check = next(c for c in opened.verify().findings if c.what == "Condition orders")
+    assert not check.ok
+    assert f"{first.id} and {second.id} share a place" in check.found

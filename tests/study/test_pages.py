@@ -28,7 +28,8 @@ def answer_all(study: Study, who: str, phase: str = "about-you") -> None:
 
 def test_consent_is_kept_with_version_and_hash(study):
     who = study.enrol(Role.TRAINING).id
-    version, text = study.consent_text(who)
+    shown = study.consent_text(who)
+    version, text = shown.version, shown.text
     with pytest.raises(StudyError, match="is at 'consent', not at 'about-you'"):
         study.save_answer(who, "about-you", "fluency", "fluency_1", 3)
     study.consent(who, given=True)
@@ -48,9 +49,9 @@ def test_consent_is_to_the_newest_text(study, folder, change):
     who = study.enrol(Role.TRAINING).id
     change(folder, ("version = 1", "version = 2"), ("Taking part is voluntary.", "You may refuse."))
     study.amend("the committee's wording")
-    version, text = study.consent_text(who)
-    assert version == 2
-    assert text[-1].startswith("You may refuse.")
+    shown = study.consent_text(who)
+    assert shown.version == 2
+    assert shown.text[-1].startswith("You may refuse.")
     with pytest.raises(StudyError, match=r"decided on version 1 .* version 2 is valid now"):
         study.consent(who, given=True, shown=1)
     study.consent(who, given=True, shown=2)
@@ -63,7 +64,7 @@ def test_who_has_decided_sees_what_they_decided_on(study, folder, change, at_abo
     change(folder, ("version = 1", "version = 2"), ("Taking part is voluntary.", "You may refuse."))
     study.amend("the committee's wording")
     assert study.consent_text(at_about_you) == before
-    assert study.consent_text(study.enrol(Role.TRAINING).id)[0] == 2
+    assert study.consent_text(study.enrol(Role.TRAINING).id).version == 2
     with pytest.raises(StudyError, match="'P9' is not enrolled"):
         study.consent_text("P9")
 

@@ -5,12 +5,23 @@ from pathlib import Path
 
 import pytest
 
+from steerlab.app.cli import main
+from steerlab.learning.agents.catalogue import baseline_of
 from steerlab.sim.errors import InvalidConfig
-from steerlab.study.contract import PhaseKind, Role, StudyError
+from steerlab.study.contract import PhaseKind, Role, Standing, StudyError
 from steerlab.study.protocol_file import parse_protocol, study_questionnaires
+from steerlab.study.store.records import AttemptStatus
 from steerlab.study.study import Study
 from steerlab.study.study_folder import new_study, template_names
+from steerlab.study.teaching.conditions import TAUGHT
 
+SHORTER = (
+    ("balls = 5", "balls = 1"),
+    ("demonstrations = 12 ", "demonstrations = 1 "),
+    ('task = "slalom" ', 'task = "easy" '),
+    ("gradient_steps = 150 ", "gradient_steps = 5 "),
+    ("starts = 10 ", "starts = 1 "),
+)
 ORDER = ("dagger", "bc", "mind_meld")
 
 
@@ -26,7 +37,7 @@ def parse(text: str):
 
 def test_the_template_is_the_papers_procedure(text):
     protocol = parse(text)
-    assert template_names() == ["mind-meld"]
+    assert template_names() == ["label-only", "mind-meld", "pre-post", "teach-only"]
     assert [one.key for one in protocol.conditions] == ["mind_meld", "bc", "dagger"]
     assert len(protocol.rollouts) == 12
     assert not protocol.display.show_agent_wheel
@@ -68,6 +79,12 @@ def test_the_template_is_the_papers_procedure(text):
         ('"fluency"]', '"fluncy"]', "phases[8].after[2]", "questionnaires/fluncy.toml"),
         ('id = "calibration"', 'id = "practice"', "phases[5].id", "'practice' is taken"),
         ('id = "calibration"', 'id = "teach-1"', "phases[8].id", "'teach-1' is taken"),
+        (
+            '"How correcting works"',
+            '"practice\u00a0DRIVE"',
+            "phases[4].title",
+            "looks like that of",
+        ),
         ('id = "calibration"', 'id = "Calibration!"', "phases[5].id", "lower-case letters"),
         ('test_prefix = "P"', 'test_prefix = "T"', "test_prefix", "ids would overlap"),
         ('test_prefix = "P"', 'test_prefix = "p"', "test_prefix", "capital letters"),
@@ -87,6 +104,13 @@ def test_the_template_is_the_papers_procedure(text):
         ("format = 1", "format = 2", "format", "1, the only one"),
         ('preset = "lab"', 'preset = "labs"', "mapper.preset", "one of lab, paper"),
         ("balls = 5", "balls = 0", "practice.balls", "at least 1"),
+        ("balls = 5", "minutes = 0", "practice.minutes", "above 0, and at most 240"),
+        ("balls = 5", "minutes = nan", "practice.minutes", "a finite number"),
+        ("seed = 2021", 'seed = 2021\nlanguage = "fr"', "language", "one of en, de"),
+        ("version = 1", 'ticks = ["A", ""]\nversion = 1', "consent.ticks[1]", "some words"),
+        ("version = 1", 'ticks = "A"\nversion = 1', "consent.ticks", "a list"),
+        ("version = 1", "minimum_age = 0\nversion = 1", "consent.minimum_age", "from 1 to 120"),
+        ("version = 1", 'signature = "yes"\nversion = 1', "consent.signature", "true or false"),
         ("alpha = 0.05", "alpha = 5", "plan.alpha", "between 0 and 1"),
         ('correction = "holm"', 'correction = "bonf"', "plan.correction", "one of holm, bh, none"),
         ("exclusions = [", 'exclusions = ["",', "plan.exclusions[0]", "some words"),
@@ -94,9 +118,15 @@ def test_the_template_is_the_papers_procedure(text):
         ('outcome = "drives', 'outcom = "drives', "plan.hypotheses[6].outcom", "outcome"),
         ("demonstrations = 12 ", "demonstrations = 0 ", "demonstrations", "at least 1"),
         ("seed = 2021 ", "seed = -1 ", "seed", "at least 0"),
-        ('view = "front"', 'view = "top"', "display.view", "one of front, chase"),
+        ('view = "driver"', 'view = "top"', "display.view", "one of driver, front, chase"),
         ("show_agent_wheel = false", "show_agent_wheel = 0", "display.show_agent_wheel", "true or"),
-        ('kind = "calibrate_w"', 'kind = "calibration"', "phases[6].kind", "once among the phases"),
+        (
+            'kind = "calibrate_w"\ntitle = "Learning how you correct"\nroles = ["test"]',
+            'kind = "calibration"\ntitle = "Again"',
+            "phases[6].rollouts",
+            "names that no earlier calibration phase has",
+        ),
+        ("training = 0 ", "training = -1 ", "design.training", "0 (no aim) or more"),
         (
             'kind = "consent"',
             'kind = "practice"',
@@ -147,8 +177,75 @@ def test_what_is_no_toml_is_named_with_its_line(text):
 def test_a_way_without_calibration_is_refused(text):
     start = text.index('[[phases]]\nid = "calibration"')
     end = text.index('[[phases]]\nid = "calibrate-w"')
-    with pytest.raises(InvalidConfig, match="one of kind calibration for training participants"):
+    with pytest.raises(InvalidConfig, match="calibration or teach for training participants"):
         parse(text[:start] + text[end:])
+
+
+def test_who_teaches_with_a_network_has_a_w_from_all_rollouts(text):
+    start = text.index('[[phases]]\nid = "calibrate-w"')
+    end = text.index('[[phases]]\nid = "before-teaching"')
+    with pytest.raises(InvalidConfig, match="of kind calibrate_w, which mind_meld needs"):
+        parse(text[:start] + text[end:])
+
+
+@pytest.mark.parametrize(
+    ("kind", "rollouts", "said"),
+    [
+        (
+            "calibration",
+            '["calibration-00"]',
+            "rollouts is .*calibration-01.* corrected by training",
+        ),
+        (
+            "calibration",
+            '["calibration-99"]',
+            r"rollouts\[0\] is 'calibration-99'; .* one of calib",
+        ),
+        ("practice", '["calibration-00"]', "left out: a practice phase has none"),
+    ],
+)
+def test_calibration_phases_share_out_the_rollouts(text, kind, rollouts, said):
+    line = f'kind = "{kind}"'
+    with pytest.raises(InvalidConfig, match=said):
+        parse(text.replace(line, f"{line}\nrollouts = {rollouts}", 1))
+
+
+def test_which_conditions_need_w_is_what_the_learners_need():
+    for mode in TAUGHT.values():
+        assert mode.needs_w == (baseline_of(mode.learner) is not None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("template", "role", "attempts"),
+    [("label-only", "training", 12), ("teach-only", "test", 6), ("pre-post", "training", 12)],
+)
+def test_a_template_is_gone_through_to_its_end(tmp_path, change, template, role, attempts):
+    folder = tmp_path / "study"
+    new_study(folder, template)
+    text = (folder / "study.toml").read_text()
+    change(folder, *(pair for pair in SHORTER if pair[0] in text))
+    assert main(["study", "run", str(folder), "--teacher", "scripted:human:1", "--role", role]) == 0
+    with Study.open(folder, read_only=True) as study:
+        (person,) = study.participants()
+        assert person.standing is Standing.FINISHED
+        finished = study._opened.store.attempts(AttemptStatus.FINISHED)
+        assert len(finished) >= attempts
+        assert study.verify().ok
+
+
+@pytest.mark.slow
+def test_in_pre_post_each_part_is_opened_again_for_itself(tmp_path, change, run_scripted):
+    folder = tmp_path / "study"
+    new_study(folder, "pre-post")
+    change(folder, ("balls = 5", "balls = 1"))
+    with Study.open(folder) as study:
+        run_scripted(study, Role.TRAINING, 1)
+        study.redo("T001", "after")
+        run_scripted(study, Role.TRAINING, 1, participant="T001")
+        assert study.participant("T001").standing is Standing.FINISHED
+        again = [a.rollout for a in study._opened.store.attempts() if a.attempt == 1]
+        assert sorted(again) == [f"calibration-{number:02d}" for number in range(6, 12)]
 
 
 def test_a_study_brings_its_own_questionnaires(folder, change):
@@ -171,7 +268,7 @@ def test_making_a_study_never_overwrites(tmp_path):
     new_study(tmp_path / "a", "mind-meld")
     with pytest.raises(StudyError, match="exists already"):
         new_study(tmp_path / "a", "mind-meld")
-    with pytest.raises(StudyError, match="choose one of mind-meld"):
+    with pytest.raises(StudyError, match="choose one of label-only, mind-meld"):
         new_study(tmp_path / "b", "mind-melt")
     assert not (tmp_path / "b").exists()
     with pytest.raises(StudyError, match="There is no study in"):

@@ -1,6 +1,7 @@
 """Running at the wheel: what is next, resuming, locks, redoing, and the hook for learners."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -17,6 +18,8 @@ from steerlab.sim.rollout import Outcome
 from steerlab.study import runner, scripted
 from steerlab.study.contract import PhaseKind, PhaseState, Role, Standing, StudyError
 from steerlab.study.models import frozen_model
+from steerlab.study.practice_record import Practised, practised
+from steerlab.study.progress import progress_of
 from steerlab.study.runner import RunConfig
 from steerlab.study.scripted import ScriptedParticipant
 from steerlab.study.scripted_practice import practise_scripted
@@ -30,8 +33,6 @@ from steerlab.teleop.practice import PracticeConfig, PracticeResult
 
 def fill_pages_until(study: Study, who: str, phase: str) -> None:
     script = ScriptedParticipant(kind="human", seed=1)
-    from steerlab.study.progress import progress_of
-
     while (at := study.participant(who).next_phase).id != phase:
         script.fill(study._opened, progress_of(study._opened, who), at)
 
@@ -48,18 +49,24 @@ def test_a_run_stops_where_the_browser_goes_on(study, monkeypatch):
     fill_pages_until(study, who, "practice")
     drives = []
 
-    def drive(spec, config, screen, *, autocentre):
+    def drive(spec, config, screen, *, autocentre, markers):
         drives.append((spec, config.balls, config.seed, screen.width, autocentre))
-        return PracticeResult(3, 1, stopped=len(drives) == 1)
+        return PracticeResult(balls=3, crashes=1, driven_s=61.5, stopped=len(drives) == 1)
 
     monkeypatch.setattr(runner, "practise", drive)
     report = study.run(who, device)
-    assert report.lines == ("Practice drive: stopped; 3 balls reached, 1 blocks hit",)
+    assert report.lines == (
+        "Practice drive: stopped; 3 balls reached, 1 blocks hit, 61.5 s driven",
+    )
     assert states(study, who)["practice"] is PhaseState.STARTED
     report = study.run(who, device)
     assert report.waiting.id == "before-calibration"
     assert states(study, who)["practice"] is PhaseState.DONE
     assert drives == [("wheel", 1, 2021, 960, 0.3)] * 2
+    reached = practised(progress_of(study._opened, who), "practice")
+    assert reached == Practised(balls=6, blocks_hit=2, driven_s=123.0)  # both sittings
+    study.redo(who, "practice")
+    assert practised(progress_of(study._opened, who), "practice").balls == 0
 
 
 def test_only_the_next_phase_can_be_run(study):
@@ -70,14 +77,17 @@ def test_only_the_next_phase_can_be_run(study):
         study.run(who, RunConfig(device="wheel", phase="teach-1"))
     fill_pages_until(study, who, "practice")
     report = study.run(who, RunConfig(device="scripted:human:2", phase="practice"))
-    assert report.lines == ("Practice drive: 1 balls reached, 0 blocks hit",)
+    (line,) = report.lines
+    assert re.fullmatch(r"Practice drive: 1 balls reached, 0 blocks hit, \d+\.\d s driven", line)
     assert report.waiting.id == "before-calibration"
 
 
 def test_scripts_practise_in_the_worlds_of_people_and_give_up_in_a_sentence():
     for pedals in (True, False):
         result = practise_scripted(PracticeConfig(balls=4, pedals=pedals, seed=0))
-        assert result == PracticeResult(4, 1, stopped=False)  # the fourth world has a block ahead
+        assert (result.balls, result.crashes) == (4, 1)  # the fourth world has a block ahead
+        assert not result.stopped
+        assert result.driven_s > 10.0
     with pytest.raises(SteerlabError, match="reached 0 of 1 balls"):
         practise_scripted(PracticeConfig(balls=1, time_limit_s=0.5))
 
@@ -154,7 +164,7 @@ class Learner:
         self.asked = []
 
     def teach(self, request):
-        self.asked.append((request.phase.id, request.phase.condition, request.mapper.is_file()))
+        self.asked.append((request.phase.id, request.phase.condition, request.mapper is not None))
         return TeachingResult(finished=len(self.asked) > 1, detail=f"call {len(self.asked)}")
 
 
@@ -187,7 +197,10 @@ def test_what_can_be_taught_is_taught_and_the_rest_is_skipped_on_record(study, r
     }
     order = [condition for _, condition, _ in learner.asked]
     assert list(dict.fromkeys(order)) == [one for one in view.order if one != "bc"]
-    assert all(mapper for *_, mapper in learner.asked)
+    assert {mapped: condition == "mind_meld" for _, condition, mapped in learner.asked} == {
+        True: True,
+        False: False,
+    }
     said = [one.found for one in study.verify().findings if one.what == who]
     assert any("teaching with bc is not available in this version" in one for one in said)
     study.redo(who, by_condition["bc"][0])  # a later version may have it

@@ -70,7 +70,18 @@ def test_the_commands_do_what_the_page_says(tmp_path, monkeypatch, capsys, chang
         assert found == (_of(line, EXITS) or 0), (line, said)
         assert re.search(_of(line, SAID) or "", said.out + said.err), (line, said)
         done.append(words[1])
-    acts = {"new", "enrol", "run", "resume", "status", "redo", "note", "amend", "withdraw"}
+    acts = {
+        "new",
+        "enrol",
+        "run",
+        "resume",
+        "status",
+        "redo",
+        "note",
+        "amend",
+        "withdraw",
+        "backup",
+    }
     assert {*acts, "verify", "train"} == set(done)
 
 

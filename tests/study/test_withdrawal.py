@@ -57,13 +57,22 @@ def full(study, folder, run_scripted):
 
 
 def test_keeping_keeps_everything(full, folder):
-    before = {name: raw for name, raw in everything(folder).items() if "study.db" not in name}
+    changing = ("study.db", "run.pid")  # the latter says who ran last
+    before = {
+        name: raw
+        for name, raw in everything(folder).items()
+        if not any(one in name for one in changing)
+    }
     full.withdraw("T002", erase=False)
     full.withdraw("T002", erase=False)  # again
     view = full.participant("T002")
     assert view.standing is Standing.WITHDRAWN_KEPT
     assert view.next_phase is None
-    after = {name: raw for name, raw in everything(folder).items() if "study.db" not in name}
+    after = {
+        name: raw
+        for name, raw in everything(folder).items()
+        if not any(one in name for one in changing)
+    }
     assert after == before
     assert len(labels_of(full, "T002")) > 0
     with pytest.raises(StudyError, match="has left"):
@@ -218,8 +227,10 @@ def test_an_erasure_that_was_cut_off_is_told_and_finished_by_saying_it_again(
 
 def test_a_reader_that_holds_the_old_pages_is_told(study, folder, at_about_you, monkeypatch):
     from steerlab.study.store import connection as store_connection
+    from steerlab.study.store import people
 
     monkeypatch.setattr(store_connection, "BUSY_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(people, "_LOOKS", 2)
     study.close()
     with Study.open(folder) as study:
         study.note(at_about_you, SECRET)
@@ -239,6 +250,19 @@ def test_nobody_is_withdrawn_while_someone_sits_at_the_wheel(study, folder, at_a
     assert study.participant(at_about_you).standing is Standing.RUNNING
 
 
+def test_who_leaves_with_their_data_kept_waits_for_nobody_else_at_the_wheel(
+    study, folder, at_about_you
+):
+    with locked(folder, RUN_LOCK, "runs", about=at_about_you), pytest.raises(LockedOut):
+        study.withdraw(at_about_you, erase=False)
+    assert study.participant(at_about_you).standing is Standing.RUNNING
+    with locked(folder, RUN_LOCK, "runs", about="T099"):
+        with pytest.raises(LockedOut):
+            study.withdraw(at_about_you, erase=True)
+        study.withdraw(at_about_you, erase=False)
+    assert study.participant(at_about_you).standing is Standing.WITHDRAWN_KEPT
+
+
 def test_rows_are_deleted_only_by_erasing(full):
     connection = full._opened.store.connection.sqlite
     import sqlite3
@@ -252,3 +276,25 @@ def test_rows_are_deleted_only_by_erasing(full):
             connection.execute(f"UPDATE {table} SET {column} = 'x'")
     scrub(full._opened.store.connection)
     assert full.verify().ok
+
+
+def test_nobody_is_erased_between_the_check_and_what_is_kept(study, at_about_you, monkeypatch):
+    """A note or a link would stay behind them."""
+    from steerlab.study import study as module
+
+    real = module.progress_of
+
+    def checked(opened, participant):
+        with pytest.raises(StoreError, match="locked"), Study.open(opened.folder) as other:
+            other.withdraw(participant, erase=True)
+        return real(opened, participant)
+
+    monkeypatch.setattr("steerlab.study.store.connection.BUSY_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(module, "progress_of", checked)
+    study.note(at_about_you, SECRET)
+    study.new_link(at_about_you)
+    monkeypatch.undo()
+    study.withdraw(at_about_you, erase=True)
+    assert study.notes(at_about_you) == []
+    with pytest.raises(StudyError, match="nothing about them is kept"):
+        study.note(at_about_you, SECRET)

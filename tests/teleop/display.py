@@ -24,6 +24,7 @@ class Display:
         with os.fdopen(reading) as told:
             self.environment = os.environ | {"DISPLAY": f":{told.readline().strip()}"}
         self.environment.pop("SDL_VIDEODRIVER", None)
+        self.environment["SDL_AUDIODRIVER"] = "dummy"
 
     def run(self, program: str, plan: dict, *arguments: str) -> subprocess.Popen[str]:
         """Start ``virtual_person.py`` or ``virtual_driver.py`` with what it is to do."""

@@ -95,6 +95,25 @@ def test_a_drive_that_fails_is_driven_again_in_the_same_world():
     assert "0 of 1 balls" in titles
 
 
+def test_practice_is_over_after_its_time_too_and_the_drive_under_way_is_finished():
+    whole = Lab().practise(balls=3, seed=0)
+    assert whole.balls == 3
+    lab = Lab()
+    result = lab.practise(balls=3, driven_s=1.0, seed=0)
+    assert (result.balls, result.stopped) == (1, False)
+    assert 1.0 < result.driven_s < whole.driven_s / 2.0
+    assert lab.pages[-1].title == "Well driven"
+    enough = Lab().practise(balls=3, driven_s=3600.0, seed=0)
+    assert (enough.balls, enough.driven_s) == (3, whole.driven_s)
+
+
+def test_time_counts_in_drives_that_fail_as_well():
+    lab = Lab(away_from_the_ball=2)
+    result = lab.practise(balls=1, driven_s=0.1, seed=0)
+    assert (result.balls, len(lab.worlds), result.stopped) == (0, 1, False)
+    assert result.driven_s > 0.1
+
+
 def test_stopping_in_the_countdown():
     lab = Lab()
     lab._acts = []
@@ -105,7 +124,7 @@ def test_stopping_in_the_countdown():
     lab.show_page = stop
     result = lab.practise(balls=1)
     assert result.stopped
-    assert result.balls == 0
+    assert (result.balls, result.driven_s) == (0, 0.0)
 
 
 def test_pedals_that_said_nothing_yet_are_asked_for():
@@ -133,3 +152,5 @@ def test_pedals_that_said_nothing_yet_are_asked_for():
 def test_practising_for_nothing_is_refused():
     with pytest.raises(ValueError, match="at least 1"):
         PracticeConfig(balls=0)
+    with pytest.raises(ValueError, match=r"driven_s is 0\.0; it must be above 0"):
+        PracticeConfig(driven_s=0.0)

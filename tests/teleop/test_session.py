@@ -7,9 +7,12 @@ import pytest
 
 from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import SteerlabError
+from steerlab.sim.rollout import Outcome
 from steerlab.teleop.attempt import SessionConfig
 from steerlab.teleop.devices.contract import Button, DeviceInfo, DeviceSample, InputKind
 from steerlab.teleop.drives.replay import Replay
+from steerlab.teleop.page_prompt import with_buttons
+from steerlab.teleop.pages import drive_done_page
 from steerlab.teleop.screen.contract import Act
 from steerlab.teleop.session import DriveSession, SessionEnd
 
@@ -315,3 +318,36 @@ def test_the_needle_is_the_persons_and_the_robots_wheel_is_hidden_by_default():
     wheels = np.concatenate([rollout.robot_wheel for rollout in ROLLOUTS])
     assert {view.agent_needle for view in shown.views} <= set(wheels.tolist())
     assert len({view.road_wheel_rad for view in shown.views}) > 10
+
+
+def test_the_end_of_a_drive_stays_on_the_screen_for_a_moment_and_is_not_recorded():
+    ends = []
+    for ending_s in (0.0, 0.8):
+        lab = Lab()
+        assert lab.run(ending_s=ending_s) is SessionEnd.DONE
+        ends.append([view.outcome for view in lab.views if view.outcome is not Outcome.RUNNING])
+        kept = [entry[1] for entry in lab.log if entry[0] == "finish"]
+        assert kept == [rollout.steps for rollout in ROLLOUTS]
+    assert ends[0] == []
+    shown = list(dict.fromkeys(ends[1]))
+    assert shown == list(dict.fromkeys(rollout.outcome for rollout in ROLLOUTS))
+    assert len(ends[1]) > 10 * len(ROLLOUTS)
+
+
+def test_the_speed_shown_is_the_recorded_one():
+    lab = Lab()
+    lab.run()
+    speeds = [view.speed_mps for view in lab.views]
+    assert min(speeds) >= 0.0
+    assert max(speeds) == pytest.approx(max(one.velocity[:, 0].max() for one in ROLLOUTS))
+
+
+def test_pages_name_the_buttons_that_the_wheel_has_and_no_others():
+    page = drive_done_page(Outcome.BALL_REACHED, (), 1, 12)
+    assert with_buttons(page, frozenset()).keys == list(page.keys)
+    keys = dict(with_buttons(page, frozenset({Button.PAUSE})).keys)
+    assert keys["Space"] == "go on (or the pause button)"
+    assert keys["R"] == "do this rollout again"
+    keys = dict(with_buttons(page, frozenset(Button)).keys)
+    assert keys["R"] == "do this rollout again (or the redo button)"
+    assert keys["Esc"] == dict(page.keys)["Esc"]

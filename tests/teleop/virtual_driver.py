@@ -16,8 +16,7 @@ from before_screen import sit_before  # pyright: ignore[reportMissingImports]
 
 from steerlab.app.cli import main
 from steerlab.sim.geometry import bearing_rad
-from steerlab.study import calibration_session as sitting
-from steerlab.teleop import sdl
+from steerlab.teleop import sdl, seat
 from steerlab.teleop.devices.virtual import VirtualJoystick
 from steerlab.teleop.screen.drive_screen import DriveScreen
 from steerlab.teleop.sdl import pygame
@@ -108,7 +107,7 @@ def run(folder: Path, shots: dict[str, str], arguments: list[str]) -> int:
     os.environ["XDG_CONFIG_HOME"] = str(folder / "config")
     driver = Driver(shots)
 
-    sit_before(driver, sdl, sitting)
+    sit_before(driver, sdl, seat)
     return main(arguments)
 
 

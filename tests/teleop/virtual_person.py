@@ -21,7 +21,7 @@ from steerlab.app import loop_check
 from steerlab.app.cli import main
 from steerlab.sim.geometry import bearing_rad
 from steerlab.sim.vehicle import WHEEL_LIMIT
-from steerlab.study import calibration_session as sitting
+from steerlab.teleop import seat
 from steerlab.teleop.devices.contract import DeviceError
 from steerlab.teleop.devices.profile_folder import save_profile
 from steerlab.teleop.devices.virtual import VirtualJoystick
@@ -95,6 +95,7 @@ class Person:
             self.press(pygame.K_p)
         if self.frames == self.plan.get("stop"):
             self.press(pygame.K_ESCAPE)
+            self.press(pygame.K_ESCAPE)  # it asks once
         if self.frames == self.plan.get("unplug"):
             self.wheel.unplug()
             self.unplugged_at = perf_counter()
@@ -111,7 +112,7 @@ def run(folder: Path, plan: dict, arguments: list[str]) -> int:
     profile = loop_check.virtual_profile(person.wheel).profile
     save_profile(replace(profile, name=NAME))
 
-    sit_before(person, sitting)
+    sit_before(person, seat)
     return main(arguments)
 
 

@@ -1,8 +1,8 @@
 """``steerlab study run`` with somebody who teaches at a virtual wheel: a program, for tests and pictures.
 
 ``python virtual_teacher.py FOLDER PLAN -- ARGUMENTS``: as ``virtual_person.py``, but they know the
-way: they steer as the oracle would, and hold the take-over button from the first to the last display
-frame in ``PLAN["hold"]``, in rounds only; they stop at a page whose title has ``PLAN["leave"]`` in it.
+way: they steer as the oracle would, and hold the take-over button from the first to the last second
+in ``PLAN["hold"]``, in rounds only; they stop at a page whose title has ``PLAN["leave"]`` in it.
 ``PLAN["short"]`` teaches in a world of a few metres. At the end it prints what was measured, as JSON.
 """
 
@@ -27,6 +27,7 @@ from steerlab.sim.tasks import Task, make_task
 from steerlab.sim.vehicle import WHEEL_LIMIT
 from steerlab.study.teaching import run_teaching
 from steerlab.study.teaching.human_interface import HumanInterface
+from steerlab.teleop import seat
 from steerlab.teleop.devices.contract import Button, DeviceError
 from steerlab.teleop.devices.profile_folder import save_profile
 from steerlab.teleop.sdl import pygame
@@ -48,7 +49,7 @@ class TeachingPerson(Person):
     def __init__(self, plan: dict) -> None:
         super().__init__(plan)
         self.wanted = 0.0
-        self.frame = 0
+        self.frame, self.elapsed_s = 0, 0.0
         task = (short_task if plan.get("short") else make_task)(plan.get("task", "easy"), noise=0.0)
         self.planner = Planner(task.world, seed=0, car=task.car, config=task.planning)
 
@@ -65,7 +66,7 @@ class TeachingPerson(Person):
             try:
                 self.wheel.axis(0, float(np.clip(axis + 0.002 * flicker, -1.0, 1.0)))
                 first, last = self.plan.get("hold", (0, 0))
-                held = self.driving and self.watching and first <= self.frame < last
+                held = self.driving and self.watching and first <= self.elapsed_s < last
                 held = held or self.trying
                 self.wheel.button(TAKE_OVER, held)
             except DeviceError:  # the session is over
@@ -98,7 +99,7 @@ class TeachingPerson(Person):
         self.trying = False
         self.driving = view.elapsed_s > 0.0
         self.watching = view.number > 1
-        self.frame += 1
+        self.frame, self.elapsed_s = self.frame + 1, view.elapsed_s
         try:
             self.wanted = self.planner.label(view.pose, 5.0)
         except NoPath:
@@ -114,7 +115,7 @@ def run(folder: Path, plan: dict, arguments: list[str]) -> int:
     profile = loop_check.virtual_profile(person.wheel).profile
     save_profile(replace(profile, name=NAME, buttons={Button.TAKE_OVER: TAKE_OVER}))
 
-    sit_before(person, run_teaching)
+    sit_before(person, seat)
     if plan.get("short"):
         run_teaching.make_task = short_task
     interfaces, robots = _kept(HumanInterface), _kept(Robot)

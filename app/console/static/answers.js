@@ -21,10 +21,23 @@
     if (text) entry?.setAttribute("aria-invalid", "true");
     else entry?.removeAttribute("aria-invalid");
   };
+  const given = (box) => box.querySelector("input:checked")?.value ??
+    box.querySelector("input[type=text], textarea")?.value.trim() ?? "";
+  // What depends on a question stands after it. The server decides by the same rule.
+  const show = () => {
+    for (const box of form.querySelectorAll("[data-shown-if]")) {
+      const asked = form.querySelector(`[data-item="${box.dataset.shownIf}"]`);
+      const answer = given(asked);
+      box.hidden = asked.hidden || !JSON.parse(box.dataset.shownAfter).some((one) =>
+        typeof one === "number" ? answer !== "" && Number(answer) === one : answer === one);
+    }
+    const shown = [...form.querySelectorAll("[data-item]:not([hidden])")];
+    shown.forEach((box, index) => { box.querySelector(".number").textContent = index + 1; });
+    form.elements.seen.value = shown.map((box) => box.dataset.item).join(" ");
+  };
   const count = () => {
-    const boxes = [...form.querySelectorAll("[data-item]")];
-    const done = boxes.filter((box) => box.querySelector("input:checked") ||
-      box.querySelector("input[type=text], textarea")?.value.trim()).length;
+    const boxes = [...form.querySelectorAll("[data-item]:not([hidden])")];
+    const done = boxes.filter((box) => given(box) !== "").length;
     answered.textContent = form.dataset.answered
       .replace("{answered}", done).replace("{items}", boxes.length) + ".";
   };
@@ -71,7 +84,8 @@
     const box = question(input);
     if (!box) return;
     mark(box, "");
-    if (!form.querySelector(".marked")) document.getElementById("missing")?.remove();
+    show();
+    if (!form.querySelector(".marked:not([hidden])")) document.getElementById("missing")?.remove();
     waiting.delete(box.dataset.item);
     waiting.set(box.dataset.item, input.value);
     count();
@@ -94,5 +108,6 @@
       fetch(form.dataset.save, { method: "POST", body: body(item, value), keepalive: true });
     }
   });
+  show();
   count();
 })();

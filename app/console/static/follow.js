@@ -50,6 +50,8 @@
     status.textContent = ended ? root.dataset.ended : root.dataset.lost;
     if (ended && !live) setTimeout(() => location.reload(), 10000);
   };
+  addEventListener("offline", () => { status.textContent = root.dataset.lost; });
+  addEventListener("online", () => { status.textContent = ""; });
   addEventListener("pagehide", () => source.close());
   addEventListener("pageshow", (event) => { if (event.persisted) location.reload(); });
 })();

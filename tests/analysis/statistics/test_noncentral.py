@@ -8,7 +8,6 @@ from steerlab.analysis.statistics.noncentral import (
     multiple_power,
     paired_power,
     smallest_multiple,
-    smallest_paired,
 )
 from steerlab.sim.errors import InvalidConfig
 
@@ -48,16 +47,7 @@ def test_paired_power_is_rs(d, n, expected):
 
 def test_smallest_effects_have_the_power_asked_for():
     assert multiple_power(smallest_multiple(34, 4), 34, 4) == pytest.approx(0.8, abs=1e-6)
-    assert paired_power(smallest_paired(34, power=0.9), 34) == pytest.approx(0.9, abs=1e-6)
     assert smallest_multiple(100, 4) < smallest_multiple(34, 4) < smallest_multiple(34, 8)
-
-
-# scipy's noncentral t is NaN in the far tails that a search comes by; it once ended at d = 1.
-@pytest.mark.parametrize("n", [2, 4, 34, 73, 77, 116, 1000])
-def test_the_smallest_difference_is_found_for_every_sample_size(n):
-    d = smallest_paired(n)
-    assert paired_power(d, n) == pytest.approx(0.8, abs=1e-8)
-    assert d < smallest_paired(n - 1) if n > 2 else d > 10.0
 
 
 def test_without_an_effect_power_is_alpha():
@@ -78,7 +68,6 @@ def test_nonsense_is_refused():
         lambda: multiple_power(0.3, 5, 4),
         lambda: paired_power(0.5, 1),
         lambda: smallest_multiple(34, 4, power=0.01),
-        lambda: smallest_paired(34, power=1.0),
     ):
         with pytest.raises(InvalidConfig):
             call()

@@ -182,11 +182,11 @@ def test_shards_are_averaged_over_learner_seeds(tmp_path):
     folder = tmp_path / "teachers"
     folder.mkdir()
     for name, shard in (
-        ("a", _shard("a", 0.4, 0.8)),
-        ("b", _shard("b", None, 1.0)),
-        ("c", _shard("c", left_out="never reached the ball")),
+        ("a.json", _shard("a", 0.4, 0.8)),
+        ("b.JSON", _shard("b", None, 1.0)),  # copied by another system
+        ("c.json", _shard("c", left_out="never reached the ball")),
     ):
-        (folder / f"{name}.json").write_text(json.dumps(shard))
+        (folder / name).write_text(json.dumps(shard))
     found = {(o.person, o.metric, o.round): o.value for o in read_conditions(tmp_path)}
     assert found["a", "success", 1] == pytest.approx(0.6)
     assert found["b", "success", 1] == 1.0

@@ -68,6 +68,7 @@ def made_up_study(people: int = 16, *, test_people: int = 0, seed: int = 4) -> S
                 source="another one",
                 people=tuple(everyone),
                 w=w @ [[0.0, 2.0], [-1.0, 0.5]] + rng.normal(0.0, 0.1, w.shape),
+                held_out=("c",),
             ),
         ),
         held_out=(

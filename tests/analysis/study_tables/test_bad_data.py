@@ -70,7 +70,7 @@ CASES: dict[str, tuple[int, Callable[[StudyData], StudyData], str]] = {
         lambda data: StudyData(kind="study", title="Empty", simulated=False, people=(), series=()),
         "no network was trained",
     ),
-    "identical answers": (12, _identical_answers, "everyone has the same score"),
+    "identical answers": (30, _identical_answers, "everyone has the same score"),
     "missing questionnaires": (12, _without_answers, "nobody answered all its items"),
     "never asked": (
         12,
@@ -120,7 +120,7 @@ CASES: dict[str, tuple[int, Callable[[StudyData], StudyData], str]] = {
         "Without them:  there is no embedding",
     ),
     "one gender": (
-        12,
+        20,
         lambda data: replace(
             data,
             people=tuple(
@@ -179,7 +179,7 @@ def test_one_missing_answer_costs_one_person_one_scale(study, tables_of):
 def test_who_is_in_no_network_is_counted_as_left_out(study, tables_of):
     data = study(12)
     one = data.embeddings[0]
-    few = Embeddings(seed=0, source="x", people=one.people[:9], w=one.w[:9])
+    few = Embeddings(seed=0, source="x", people=one.people[:9], w=one.w[:9], held_out=("c",))
     rows = tables_of(replace(data, embeddings=(few,)))["table2"]["rows"]
     assert {row["people"] for row in rows} == {9}
 

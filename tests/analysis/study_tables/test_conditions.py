@@ -109,6 +109,6 @@ def test_h4_needs_mind_meld_to_beat_each_rival(study, outcomes, tables_of):
     assert level["p"] < 0.05
     assert level["verdict"] == "not supported"
     assert "not better than every rival" in level["note"]
-    assert level["effect"]["what"] == "success, mind_meld less dagger, the closer rival"
+    assert level["effect"]["what"] == "success, MIND MELD less DAgger, the closer rival"
     assert verdict(mind_meld=0.3, bc=0.6, dagger=0.8)["effect"]["value"] < 0.0
     assert "MIND MELD is not among" in verdict(bc=0.3, dagger=0.5)["p"]["empty"]

@@ -6,7 +6,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from steerlab.analysis.study_tables.methods import deviations, methods_text
+from steerlab.analysis.study_tables.deviations import deviations
+from steerlab.analysis.study_tables.methods import methods_text, reproducibility
 from steerlab.analysis.study_tables.reading import Reader
 from steerlab.analysis.study_tables.report import AnalysisReport, render_analysis
 from steerlab.analysis.study_tables.tables import AnalysisConfig, analyse
@@ -106,7 +107,7 @@ def test_each_deviation_is_said(study, make_plan):
         "not frozen",
         "Version 2",
         "H9 is planned (People are nice.) and this steerlab has no test for it",
-        "H2a, H2b, H2c, H3a, H3b, H4 was not planned",
+        "H2a, H2b, H2c, H3a, H3b, H4 were not planned",
         "H1: the plan words its outcome as “something else”",
         "H1 was planned and could not be tested: no network was trained without",
         "“Whoever is over 90 is left out.”",
@@ -128,10 +129,14 @@ def test_the_plans_outcome_chooses_the_metric_and_its_alpha_the_level(study, mak
 
 
 def test_the_methods_say_who_and_how(whole):
-    text = " ".join(methods_text(whole, {"steerlab": "1.2", "scipy": "3.4"}))
+    text = " ".join(text for _, text in methods_text(whole))
     assert "Of 24 scripted participants, 20 training and 4 test" in text
-    assert "steerlab 1.2, scipy 3.4" in text
     assert "499 permutations" in text
+    assert "primary H1, H3a, H3b" in text
+    assert "SHA" not in text  # hashes and versions stand at the end
+    end = reproducibility(whole, {"steerlab": "1.2", "scipy": "3.4"})
+    assert "steerlab 1.2, scipy 3.4" in end
+    assert "SHA-256 " + "ab" * 32 in end
 
 
 def test_numbers_as_journals_print_them():

@@ -16,6 +16,7 @@ import uvicorn
 from steerlab.app.console.app import make_app
 from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.config import ConsoleConfig
+from steerlab.app.console.data_export import DataExport
 from steerlab.app.console.guard import csrf_token
 from steerlab.app.console.server import _bind, server_config
 from steerlab.app.console.sign_in import LoginThrottle, SignIn
@@ -29,9 +30,11 @@ with warnings.catch_warnings():  # Starlette would rather have httpx2, which doe
 
 ORIGIN = "http://127.0.0.1:8765"
 FAKE_RUN = """
-import sys, time, pathlib
-print("run", *sys.argv[1:], flush=True)
+import signal, sys, time, pathlib
 hold = pathlib.Path(sys.argv[2]) / "hold"
+if (hold.parent / "deaf").exists():
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+print("run", *sys.argv[1:], flush=True)
 while hold.exists():
     time.sleep(0.02)
 sys.exit("No wheel is plugged in." if (hold.parent / "fail").exists() else 0)
@@ -125,8 +128,8 @@ class Lab:
         return self.client.post("/sign-in", data=fields, headers={"origin": ORIGIN})
 
 
-@pytest.fixture
-def lab(tmp_path):
+@contextmanager
+def _lab(tmp_path, address=ORIGIN, **settings):
     study = fake_study.FakeStudy()
     links, clock = [], [0.0]
     study_thread = StudyThread(lambda: nullcontext(study))
@@ -142,10 +145,12 @@ def lab(tmp_path):
         runs,
         check_job,
         sign_in,
+        DataExport(tmp_path),
         origins=(ORIGIN, "http://localhost:8765"),
-        address=ORIGIN,
+        address=address,
         throttle=LoginThrottle(clock=lambda: clock[0]),
         changes=changes,
+        **settings,
     )
     client = TestClient(app, base_url=ORIGIN, follow_redirects=False, raise_server_exceptions=False)
     made = Lab(
@@ -169,8 +174,28 @@ def lab(tmp_path):
         study_thread.close()
 
 
+@pytest.fixture
+def lab(tmp_path):
+    with _lab(tmp_path) as made:
+        yield made
+
+
+@pytest.fixture
+def kiosk(tmp_path):
+    """A lab where participants start their drives."""
+    with _lab(tmp_path, kiosk=True) as made:
+        yield made
+
+
+@pytest.fixture
+def in_network(tmp_path):
+    """A lab that tablets can reach."""
+    with _lab(tmp_path, address="http://192.168.1.20:8765") as made:
+        yield made
+
+
 @contextmanager
-def _serving(open_study, folder, command=()):
+def _serving(open_study, folder, command=(), **settings):
     """A real server on a free port; gives its address and the announced sign-in links."""
     links: list[str] = []
     listening = _bind(ConsoleConfig(port=0))
@@ -182,7 +207,15 @@ def _serving(open_study, folder, command=()):
     sign_in = SignIn(announce=links.append)
     sign_in.announce_link()
     app = make_app(
-        study_thread, runs, check_job, sign_in, origins=(address,), address=address, changes=changes
+        study_thread,
+        runs,
+        check_job,
+        sign_in,
+        DataExport(folder),
+        origins=(address,),
+        address=address,
+        changes=changes,
+        **settings,
     )
     server = uvicorn.Server(server_config(app, ConsoleConfig(), listening))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})

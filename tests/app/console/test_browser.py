@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 from steerlab.app.console import texts
+from steerlab.sim.language import ENGLISH, LANGUAGES, speak
 from steerlab.study.contract import PhaseState, Role, Standing
 
 pytestmark = pytest.mark.browser
@@ -17,6 +18,10 @@ SIZES = (  # of the window and the text; 640 by 400 is what a zoom of 200 % leav
 )
 PAGES = (
     "consent",
+    "consent lacking",
+    "copy",
+    "too young",
+    "follows",
     "demographics",
     "likert",
     "missing",
@@ -78,7 +83,7 @@ def _open(page, served, name):
         if name == "link":
             page.goto(f"{served.lab}/participants/P01")
             page.get_by_role("button", name=texts.LINK_MAKE).click()
-            page.get_by_label("Link for P01").wait_for()
+            page.get_by_label(texts.LINK_LABEL.format(id="P01")).wait_for()
         elif name.startswith("person"):
             who = {"person": "P02", "person waits": "P01", "person left": "P04"}[name]
             page.goto(f"{served.lab}/participants/{who}")
@@ -88,7 +93,18 @@ def _open(page, served, name):
             page.goto(f"{served.lab}/checks")
             page.get_by_text("1.2 GB free").wait_for()  # by itself
         return
-    at = {"demographics": "pre", "likert": "pre", "missing": "pre", "slider": "post"}
+    if name in ("consent lacking", "copy", "too young"):
+        served.study.ask_everything()
+        served.study.paragraphs = ("## What happens\n\n- You *watch*.\n- You **steer**.", "Thanks.")
+    elif name == "follows":
+        served.study.branch()
+    at = {
+        "follows": "pre",
+        "demographics": "pre",
+        "likert": "pre",
+        "missing": "pre",
+        "slider": "post",
+    }
     at |= {"read": "how", "wheel": "practice", "thanks": "end"}
     who, url = _start(served, at.get(name))
     if name == "likert":
@@ -100,9 +116,34 @@ def _open(page, served, name):
     elif name == "sign in":
         url = served.address
     page.goto(url)
-    if name == "missing":
+    if name == "consent lacking":
+        page.get_by_role("checkbox").first.check()
+        page.get_by_role("button", name=texts.CONSENT_YES).click()
+        page.get_by_role("alert").wait_for()
+    elif name == "copy":
+        _agree(page)
+        page.get_by_role("heading", name=texts.COPY_TITLE).wait_for()
+    elif name == "too young":
+        page.get_by_label(texts.CONSENT_TOO_YOUNG.format(age=18)).check()
+        page.get_by_role("button", name=texts.CONSENT_YES).click()
+        page.get_by_role("heading", name=texts.TOO_YOUNG_TITLE).wait_for()
+    elif name == "follows":  # as without scripts, which would have shown it at once
+        page.get_by_label("Yes").check()
+        page.evaluate("document.forms[0].elements.seen.value = 'played calm check'")
+        page.locator("button[value=on]").click()
+        page.get_by_text(texts.FOLLOWS_ONE).wait_for()
+    elif name == "missing":
         page.get_by_role("button", name=texts.NEXT).click()
         page.get_by_role("alert").wait_for()
+
+
+def _agree(page):
+    """Tick, say and sign all that the consent page asks for, and agree."""
+    for box in page.get_by_role("checkbox").all():
+        box.check()
+    page.get_by_label(texts.CONSENT_OF_AGE.format(age=18)).check()
+    page.get_by_label(texts.CONSENT_SIGNATURE).fill("Ada Lovelace")
+    page.get_by_role("button", name=texts.CONSENT_YES).click()
 
 
 def _go_on(page):
@@ -125,7 +166,7 @@ def test_the_whole_way_by_keyboard_alone(page, served, keyboard):
     for phase, title in (("practice", "Practice drive"), ("calibration", "Twelve drives")):
         page.get_by_text(texts.WHEEL_NEXT.format(title=title)).wait_for()
         study.set_state(who, phase, PhaseState.STARTED)
-        page.get_by_text(texts.WHEEL_RUNNING).wait_for()
+        page.get_by_text(texts.WHEEL_BEGUN).wait_for()  # by another program than the console
         study.set_state(who, phase, PhaseState.DONE)  # the page moves on by itself
     page.wait_for_url("**/post/1")
     for _ in range(2):
@@ -173,12 +214,21 @@ def test_the_experimenter_needs_no_mouse(page, served, keyboard):
     page.get_by_role("heading", name=texts.SIGN_IN_TITLE).wait_for()
 
 
+@pytest.fixture(params=LANGUAGES)
+def spoken(request) -> Iterator[str]:
+    """Each language in turn; the console is in this process."""
+    speak(request.param)
+    yield request.param
+    speak(ENGLISH)
+
+
 @pytest.mark.parametrize("name", PAGES)
-def test_the_audit_finds_nothing_serious(page, served, name):
+def test_the_audit_finds_nothing_serious(page, served, spoken, name):
     from axe_playwright_python.sync_playwright import Axe
 
     _open(page, served, name)
-    for scheme in ("light", "dark"):
+    assert page.locator("html").get_attribute("lang") == spoken
+    for scheme in ("light", "dark") if spoken == ENGLISH else ("light",):
         page.emulate_media(color_scheme=scheme)
         found = Axe().run(page).response
         assert "color-contrast" in {one["id"] for one in found["passes"]}
@@ -203,7 +253,7 @@ def test_the_audit_would_see_pale_words_and_a_missing_label(page, served):
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_narrow_or_enlarged_nothing_scrolls_sideways(page, served, name):
+def test_narrow_or_enlarged_nothing_scrolls_sideways(page, served, spoken, name):
     _open(page, served, name)
     for width, height, text in SIZES:
         page.set_viewport_size({"width": width, "height": height})
@@ -304,6 +354,85 @@ def test_without_scripts_the_forms_work_as_well(chromium, served):
     assert page.get_by_role("heading", level=1).inner_text() == "How the drives work"
     assert set(served.study.answers(who, "pre", "trust").values()) == {7}
     context.close()
+
+
+def test_questions_follow_at_once_and_are_counted_as_they_are_shown(page, served):
+    served.study.branch()
+    who, url = _start(served, "pre")
+    page.goto(url)
+    hours = page.get_by_label("How many hours a week?")
+    assert not hours.is_visible()
+    page.get_by_label("Yes").check()
+    assert hours.is_visible()
+    assert "1 of 4 answered" in page.locator(".saved").inner_text()
+    hours.fill("3.0")
+    assert page.get_by_role("group", name="Did you like the speed?").is_visible()
+    numbers = [number for number in page.locator(".number").all() if number.is_visible()]
+    assert [number.inner_text() for number in numbers] == ["1", "2", "3", "4", "5"]
+    page.get_by_label("No", exact=True).check()
+    assert not hours.is_visible()
+    assert "1 of 3 answered" in page.locator(".saved").inner_text()
+    for name in ("I drive calmly.", "Please choose 4 here."):
+        page.get_by_role("group", name=name).get_by_label("4").check()
+    page.get_by_text(texts.SAVED).wait_for()
+    _go_on(page)
+    assert served.study.state(who, "pre") is PhaseState.DONE
+    given = served.study.answers(who, "pre", "branched")
+    assert (given["played"], given["hours"]) == ("no", 3)  # kept; it does not count
+
+
+def test_a_question_that_may_stay_empty_does_not_bring_the_page_again(page, served):
+    served.study.branch()
+    who, url = _start(served, "pre")
+    page.goto(url)
+    page.get_by_label("Yes").check()
+    page.get_by_label("How many hours a week?").fill("3")
+    for name in ("I drive calmly.", "Please choose 4 here."):
+        page.get_by_role("group", name=name).get_by_label("4").check()
+    _go_on(page)
+    assert served.study.state(who, "pre") is PhaseState.DONE
+
+
+def test_without_scripts_questions_follow_when_the_page_comes_again(chromium, served):
+    served.study.branch()
+    who, url = _start(served, "pre")
+    context = chromium.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(url)
+    hours = page.get_by_label("How many hours a week?")
+    page.get_by_label("Yes").check()
+    for name in ("I drive calmly.", "Please choose 4 here."):
+        page.get_by_role("group", name=name).get_by_label("4").check()
+    assert not hours.is_visible()
+    page.locator("button[value=on]").click()
+    page.get_by_text(texts.FOLLOWS_ONE).wait_for()
+    hours.fill("12")
+    _go_on(page)
+    assert served.study.state(who, "pre") is PhaseState.DONE
+    assert served.study.answers(who, "pre", "branched")["hours"] == 12
+    context.close()
+
+
+def test_ticking_and_signing_by_keyboard_alone_leads_to_a_copy_to_print(page, served, keyboard):
+    served.study.ask_everything()
+    who, url = _start(served)
+    page.goto(url)
+    for name in ("tick.0", "tick.1", "age", "signature"):
+        keyboard.tab_to(page, lambda one, name=name: one["name"] == name)
+        page.keyboard.press("Space")
+    page.keyboard.type("Ada Lovelace")
+    keyboard.press(page, texts.CONSENT_YES)
+    page.get_by_text(texts.COPY_NAME.format(name="Ada Lovelace")).wait_for()
+    page.evaluate("window.print = () => { document.title = 'printed'; }")
+    keyboard.press(page, texts.COPY_PRINT)
+    assert page.title() == "printed"
+    page.emulate_media(media="print")
+    assert not page.get_by_role("button", name=texts.COPY_PRINT).is_visible()
+    assert page.get_by_text(texts.COPY_GIVEN).is_visible()
+    page.emulate_media(media="screen")
+    keyboard.press(page, texts.GO_ON)
+    page.wait_for_url("**/pre/1")
+    assert served.study.state(who, "consent") is PhaseState.DONE
 
 
 def test_the_experimenters_pages_follow_and_leave_a_half_written_note_alone(page, served):

@@ -210,6 +210,22 @@ def test_a_run_has_a_better_priority_than_the_console(tmp_path):
     assert of_study > of_run
 
 
+class _Runs:
+    """What ``next_step`` asks of the wheel."""
+
+    to_erase = ()
+
+    def __init__(self, run):
+        self._run = run
+
+    def view(self):
+        return self._run
+
+    def tried(self, participant, phase):
+        run = self._run
+        return run is not None and (run.participant, run.phase) == (participant, phase)
+
+
 def _run(participant, phase, code=None):
     return RunView(
         participant=participant,
@@ -240,7 +256,7 @@ def _run(participant, phase, code=None):
             PhaseState.STARTED,
             _run("P01", "practice", 1),
             NextAction.RESUME,
-            "was begun",
+            "has stopped before its end",
         ),
         (
             "practice",
@@ -254,7 +270,7 @@ def _run(participant, phase, code=None):
 def test_what_to_do_next(lab, at, state, run, act, text):
     who, _ = lab.enrol(at=at)
     lab.study.set_state(who, at, state)
-    step = next_step(lab.study.participant(who), run)
+    step = next_step(lab.study.participant(who), _Runs(run))
     assert step.act is act
     assert text in step.text
     assert (step.phase is None) == (act is NextAction.NONE)
@@ -265,16 +281,16 @@ def test_a_skipped_phase_is_over(lab):
     assert step_of(lab.study.participant(who)) == (5, 7)
     lab.study.set_state(who, "calibration", PhaseState.SKIPPED)
     assert step_of(lab.study.participant(who)) == (6, 7)
-    assert next_step(lab.study.participant(who), None).text == texts.NEXT_PAGE.format(
+    assert next_step(lab.study.participant(who), _Runs(None)).text == texts.NEXT_PAGE.format(
         title="How it was"
     )
 
 
 def test_what_the_computer_does_alone_is_said_so(lab):
     lab.study.way = (Phase(id="w", kind=PhaseKind.CALIBRATE_W, title="Style"),)
-    step = next_step(lab.study.enrol(Role.TEST), None)
-    assert step.act is NextAction.START
-    assert "alone" in step.text
+    step = next_step(lab.study.enrol(Role.TEST), _Runs(None))
+    assert step.act is NextAction.NONE
+    assert "by itself" in step.text
 
 
 def test_the_longest_unseen_address_is_forgotten_first():

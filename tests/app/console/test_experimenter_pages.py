@@ -1,10 +1,20 @@
 import re
 import time
+from dataclasses import replace
+from datetime import datetime
 
 import pytest
 
 from steerlab.app.console import texts
 from steerlab.study.contract import Phase, PhaseKind, PhaseState, Role, Standing, StudyError
+from steerlab.study.design import DesignPlan
+from steerlab.study.erasing_reach import Reach
+
+
+def texts_of_time(at_utc):
+    """As clocks here show it, with the zone."""
+    here = datetime.fromisoformat(at_utc).astimezone()
+    return f"{here:%Y-%m-%d, %H:%M} (UTC{here.isoformat()[-6:]})"
 
 
 def _eventually(holds):
@@ -95,6 +105,29 @@ def test_the_order_of_conditions_is_shown_of_test_participants(signed_in):
     assert "bc → dagger → mind-meld" in _page(signed_in, "/participants/P01")
 
 
+def test_the_list_shows_recruiting_orders_and_drop_outs(signed_in):
+    study = signed_in.study
+    study.design_plan = DesignPlan(test=18)
+    for at in ("end", "practice", "pre"):
+        signed_in.enrol(Role.TEST, at=at)
+    study.leave("P02", Standing.WITHDRAWN_KEPT)
+    page = _page(signed_in)
+    assert "Test: 2 of 18 taking part, 1 of them finished; 1 left." in page
+    assert "Training:" not in page  # nobody is wanted, and nobody came
+    assert "P02 (test): withdrawn, data kept, before the end of “Practice drive”" in page
+    assert re.search(r">bc → .*</th>", page)
+
+
+def test_a_blind_experimenter_sees_no_order(signed_in):
+    signed_in.study.design_plan = DesignPlan(blind=True)
+    who, _ = signed_in.enrol(Role.TEST)
+    for path in ("/", f"/participants/{who}"):
+        page = _page(signed_in, path)
+        assert "→" not in page
+        assert "dagger" not in page.lower()
+    assert texts.DESIGN_BLIND in _page(signed_in)
+
+
 def test_a_wheel_phase_runs_in_a_process_and_only_one_at_a_time(signed_in, tmp_path):
     (tmp_path / "hold").touch()
     signed_in.enrol(at="practice")
@@ -122,7 +155,24 @@ def test_the_process_gets_the_studys_own_names(signed_in, tmp_path):
     assert run.last_lines == (
         f"run run {tmp_path} --participant P01 --phase practice --device wheel",
     )
+    stopped = texts.RUN_STOPPED.format(title="Practice drive", participant="P01")
+    assert stopped in _page(signed_in)  # the phase is not over
+    signed_in.study.set_state("P01", "practice", PhaseState.DONE)
     assert texts.RUN_DONE.format(title="Practice drive", participant="P01") in _page(signed_in)
+
+
+def test_who_stopped_midway_is_said_to_have_stopped_and_where(signed_in):
+    signed_in.enrol(at="calibration")
+    signed_in.act("/participants/P01/start", phase="calibration")
+    _eventually(lambda: not signed_in.runs.view().goes_on)
+    signed_in.study.set_state("P01", "calibration", PhaseState.STARTED)
+    view = signed_in.study.views["P01"]
+    signed_in.study.views["P01"] = replace(view, progress="3 of 12 rollouts")
+    page = _page(signed_in, "/participants/P01")
+    assert "“Twelve drives” of P01 stopped after 3 of 12 rollouts." in page
+    assert texts.NEXT_STOPPED.format(title="Twelve drives") in page
+    assert texts.NEEDS_YOU in page
+    assert texts.NEEDS_YOU in _page(signed_in)
 
 
 def test_what_the_computer_does_is_not_said_to_be_at_the_wheel(signed_in, tmp_path):
@@ -191,7 +241,8 @@ def test_notes_are_kept_and_shown_as_text(signed_in):
     assert [text for _, text in signed_in.study.notes("P01")] == ["wheel slipped <b>twice</b>"]
     page = _page(signed_in, "/participants/P01")
     assert "wheel slipped &lt;b&gt;twice&lt;/b&gt;" in page
-    assert "2026-03-02 10:15 UTC" in page
+    at = texts_of_time("2026-03-02T10:15:04.123Z")
+    assert f'<time datetime="2026-03-02T10:15:04.123Z">{at}</time>' in page
 
 
 def test_a_note_that_is_too_long_is_refused(signed_in):
@@ -237,6 +288,183 @@ def test_who_has_left_may_have_their_data_erased_later(signed_in, standing, tmp_
         assert 'class="waits"' in _page(signed_in)
     signed_in.study.leave("P01", Standing.WITHDRAWN_ERASED)
     assert "/withdraw" not in _page(signed_in, "/participants/P01")
+
+
+def test_withdrawing_while_somebody_else_drives_is_done_at_once(signed_in, tmp_path):
+    (tmp_path / "hold").touch()
+    signed_in.enrol(at="calibration")
+    signed_in.enrol(at="calibration")
+    signed_in.act("/participants/P01/start", phase="calibration")
+    assert texts.WITHDRAW_LATER.format(participant="P01") in _page(signed_in, "/participants/P02")
+    signed_in.act("/participants/P02/withdraw", outcome="erase", typed="P02")
+    assert signed_in.study.participant("P02").standing is Standing.WITHDRAWN_KEPT
+    assert texts.NEXT_ERASE_LATER in _page(signed_in, "/participants/P02")
+    assert signed_in.runs.view().participant == "P01"
+    (tmp_path / "hold").unlink()
+    _eventually(lambda: signed_in.runs.view().participant == "P02")
+    _eventually(lambda: not signed_in.runs.view().goes_on)
+    assert signed_in.runs.view().last_lines == (f"run withdraw {tmp_path} P02 --erase",)
+
+
+def test_what_erasing_touches_is_said_with_numbers(signed_in):
+    signed_in.enrol(at="calibration")
+    assert texts.REACH_NONE in _page(signed_in, "/participants/P01")
+    reach = Reach(network="n", embeddings=("P05", "P07"), taught=("P07",), left=8, needed=8)
+    signed_in.study.reach = reach
+    page = _page(signed_in, "/participants/P01")
+    assert "needs 8 training participants, and 8 are left: it is trained anew" in page
+    assert texts.REACH_TESTS.format(count=2, who="P05, P07") in page
+    assert texts.REACH_TAUGHT.format(count=1, who="P07") in page
+    signed_in.study.reach = replace(reach, left=7)
+    assert texts.REACH_TOO_FEW in _page(signed_in, "/participants/P01")
+
+
+@pytest.mark.parametrize("deaf", [False, True])
+def test_a_drive_is_stopped_in_order_and_at_once_when_asked_again(signed_in, tmp_path, deaf):
+    (tmp_path / "hold").touch()
+    if deaf:
+        (tmp_path / "deaf").touch()
+    signed_in.enrol(at="practice")
+    signed_in.act("/participants/P01/start", phase="practice")
+    _eventually(lambda: signed_in.runs.view().last_lines)  # it has begun
+    stop = texts.RUN_STOP.format(title="Practice drive")
+    assert stop in _page(signed_in)
+    signed_in.act("/participants/P01/stop", phase="calibration")  # not what runs
+    assert not signed_in.runs.view().stopping
+    signed_in.act("/participants/P01/stop", phase="practice")
+    if deaf:
+        page = _page(signed_in, "/participants/P01")
+        assert texts.RUN_STOPPING in page
+        assert texts.RUN_STOP_NOW.format(title="Practice drive") in page
+        signed_in.act("/participants/P01/stop", phase="practice")
+    _eventually(lambda: not signed_in.runs.view().goes_on)
+    signed_in.study.set_state("P01", "practice", PhaseState.STARTED)
+    page = _page(signed_in, "/participants/P01")
+    assert texts.RUN_STOPPED.format(title="Practice drive", participant="P01") in page
+    assert "exit code" not in page  # it was asked for
+    assert texts.RESUME.format(title="Practice drive") in page
+
+
+def test_erasing_is_not_stopped(signed_in, tmp_path):
+    (tmp_path / "hold").touch()
+    signed_in.enrol(at="calibration")
+    signed_in.act("/participants/P01/withdraw", outcome="erase", typed="P01")
+    signed_in.act("/participants/P01/stop", phase="")
+    assert signed_in.runs.view().goes_on
+    assert not signed_in.runs.view().stopping
+
+
+def test_what_the_computer_does_alone_begins_by_itself_and_once(signed_in, tmp_path):
+    (tmp_path / "fail").touch()
+    signed_in.study.way = (
+        Phase(id="w", kind=PhaseKind.CALIBRATE_W, title="Style"),
+        Phase(id="post", kind=PhaseKind.DEBRIEF, title="Thanks"),
+    )
+    _, token = signed_in.enrol(Role.TEST)
+    _eventually(lambda: signed_in.runs.view() is not None and not signed_in.runs.view().goes_on)
+    pid = signed_in.runs.view().pid
+    signed_in.study.note("P01", "anything that changes the study")
+    time.sleep(1.0)  # two looks
+    assert signed_in.runs.view().pid == pid  # it failed, and is not tried again
+    page = _page(signed_in, "/participants/P01")
+    assert texts.NEXT_STOPPED.format(title="Style") in page
+    assert texts.RESUME.format(title="Style") in page
+    assert texts.STOPPED_TITLE in signed_in.client.get(f"/p/{token}").text
+    (tmp_path / "fail").unlink()
+    signed_in.act("/participants/P01/start", phase="w")
+    _eventually(lambda: signed_in.runs.view().pid != pid and not signed_in.runs.view().goes_on)
+    signed_in.study.set_state("P01", "w", PhaseState.DONE)
+    _eventually(lambda: not signed_in.runs.tried("P01", "w"))
+    pid = signed_in.runs.view().pid
+    signed_in.study.set_state("P01", "w", PhaseState.WAITING)  # redone
+    _eventually(lambda: signed_in.runs.view().pid != pid)
+
+
+def test_the_computers_own_step_waits_for_the_wheel(signed_in, tmp_path):
+    (tmp_path / "hold").touch()
+    signed_in.enrol(at="practice")
+    signed_in.act("/participants/P01/start", phase="practice")
+    signed_in.study.way = (Phase(id="w", kind=PhaseKind.CALIBRATE_W, title="Style"),)
+    signed_in.enrol(Role.TEST)
+    time.sleep(1.0)  # two looks
+    assert signed_in.runs.view().participant == "P01"
+    assert texts.NEXT_BY_ITSELF.format(title="Style") in _page(signed_in, "/participants/P02")
+    (tmp_path / "hold").unlink()
+    _eventually(lambda: signed_in.runs.view().participant == "P02")
+
+
+def test_some_drives_of_a_calibration_are_redone(signed_in):
+    study = signed_in.study
+    drives = ("one", "two", "three")
+    study.way = tuple(
+        replace(phase, rollouts=drives) if phase.id == "calibration" else phase
+        for phase in study.way
+    )
+    study.flags = {"one": "", "two": "the computer was late", "three": ""}
+    signed_in.enrol(at="post")
+    page = _page(signed_in, "/participants/P01")
+    assert "two: the computer was late" in page
+    assert re.findall(r'name="rollout.(\w+)" value="yes" checked', page) == ["two"]
+    path = "/participants/P01/redo"
+    assert signed_in.act(path, phase="calibration").status_code == 409
+    assert study.redone == []
+    signed_in.act(path, phase="calibration", **{"rollout.two": "yes", "rollout.nothing": "yes"})
+    signed_in.act(path, phase="calibration", **{"rollout.two": "yes", "all": "yes"})
+    assert study.redone == [("P01", "calibration", ("two",)), ("P01", "calibration", ())]
+
+
+def _short(page):
+    return re.search(r"(https?://[^/]+)(/go/[a-z0-9-]+)", page).groups()
+
+
+def test_a_short_link_hands_over_once(signed_in):
+    who, _ = signed_in.enrol()
+    shown_at = signed_in.act(f"/participants/{who}/link").headers["location"]
+    page = _page(signed_in, shown_at)
+    link = re.search(r'value="http://[^"]+(/p/[^"]+)"', page).group(1)
+    _, short = _short(page)
+    assert "<svg" not in page  # only this computer reaches the address
+    for _ in range(2):  # as a camera does that shows what is there
+        assert signed_in.client.get(short).status_code == 200
+    code = short.removeprefix("/go/")
+    typed = code.upper().replace("-", " ")
+    go = {"headers": {"origin": "http://127.0.0.1:8765"}}
+    answer = signed_in.client.post("/go", data={"code": typed}, **go)
+    assert answer.headers["location"] == link
+    answer = signed_in.client.post("/go", data={"code": code}, **go)
+    assert (answer.status_code, texts.SHORT_WRONG in answer.text) == (401, True)
+
+
+def test_guessing_short_links_is_slowed_down(signed_in):
+    who, _ = signed_in.enrol()
+    shown_at = signed_in.act(f"/participants/{who}/link").headers["location"]
+    code = _short(_page(signed_in, shown_at))[1].removeprefix("/go/")
+    go = {"headers": {"origin": "http://127.0.0.1:8765"}}
+    for _ in range(20):
+        assert signed_in.client.post("/go", data={"code": "guess"}, **go).status_code == 401
+    assert signed_in.client.post("/go", data={"code": code}, **go).status_code == 429
+    signed_in.clock[0] += 61.0
+    assert signed_in.client.post("/go", data={"code": code}, **go).status_code == 303
+
+
+def test_a_newer_link_ends_the_older_short_one(signed_in):
+    who, _ = signed_in.enrol()
+    codes = []
+    for _ in range(2):
+        shown_at = signed_in.act(f"/participants/{who}/link").headers["location"]
+        codes.append(_short(_page(signed_in, shown_at))[1].removeprefix("/go/"))
+    go = {"headers": {"origin": "http://127.0.0.1:8765"}}
+    answers = [signed_in.client.post("/go", data={"code": code}, **go) for code in codes]
+    assert [answer.status_code for answer in answers] == [401, 303]
+
+
+def test_a_tablet_in_the_network_gets_a_qr_code(in_network):
+    in_network.sign_in()
+    who, _ = in_network.enrol()
+    shown_at = in_network.act(f"/participants/{who}/link").headers["location"]
+    page = _page(in_network, shown_at)
+    assert _short(page)[0] == "http://192.168.1.20:8765"
+    assert page.count("<svg") == 1
 
 
 def test_erasing_is_done_by_a_process_of_its_own(signed_in, tmp_path):

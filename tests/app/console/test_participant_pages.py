@@ -15,7 +15,7 @@ def test_the_consent_page_shows_the_text_and_both_buttons(lab):
     _, token = lab.enrol()
     answer = lab.client.get(f"/p/{token}")
     assert answer.status_code == 200
-    for paragraph in lab.study.consent_text("P01")[1]:
+    for paragraph in lab.study.consent_text("P01").text:
         assert paragraph in answer.text
     assert re.findall(r'name="decision" value="(\w+)"', answer.text) == ["yes", "no"]
     assert "Step 1 of 7" in answer.text
@@ -208,15 +208,67 @@ def test_no_form_finishes_a_phase_at_the_wheel(lab):
     assert lab.study.state(who, "practice") is PhaseState.WAITING
 
 
-def test_the_wheel_page_says_what_is_next_and_then_that_it_runs(lab):
+def test_the_wheel_page_says_that_it_runs_while_it_runs_and_then_that_it_stopped(lab, tmp_path):
+    (tmp_path / "hold").touch()
     who, token = lab.enrol(at="practice")
-    page = lab.client.get(f"/p/{token}").text
-    assert texts.WHEEL_TITLE in page
-    assert texts.WHEEL_CALL in page
+
+    def seen():
+        page = lab.client.get(f"/p/{token}").text
+        key = re.search(r'data-seen="([^"]*)"', page).group(1)
+        said = (texts.WHEEL_CALL, texts.WHEEL_RUNNING, texts.WHEEL_AFTER, texts.STOPPED_TITLE)
+        return key, [words for words in said if words in page]
+
+    before = seen()
+    assert before[1] == [texts.WHEEL_CALL]
+    lab.runs.start(who, lab.study.participant(who).next_phase)
+    lab.study.set_state(who, "practice", PhaseState.STARTED)
+    running = seen()
+    assert running[1] == [texts.WHEEL_RUNNING, texts.WHEEL_AFTER]
+    (tmp_path / "hold").unlink()
+    lab.runs._process.wait(10)
+    stopped = seen()
+    assert stopped[1] == [texts.STOPPED_TITLE]
+    assert len({before[0], running[0], stopped[0]}) == 3  # so that the open page follows
+
+
+def test_what_another_program_began_is_not_said_to_run(lab):
+    who, token = lab.enrol(at="practice")
     lab.study.set_state(who, "practice", PhaseState.STARTED)
     page = lab.client.get(f"/p/{token}").text
-    assert texts.WHEEL_RUNNING in page
-    assert texts.WHEEL_CALL not in page
+    assert texts.WHEEL_BEGUN in page
+    assert texts.WHEEL_RUNNING not in page
+    assert texts.WHEEL_AFTER not in page
+
+
+def test_another_participants_drive_is_not_ones_own(lab, tmp_path):
+    (tmp_path / "hold").touch()
+    other, _ = lab.enrol(at="practice")
+    _, token = lab.enrol(at="practice")
+    lab.runs.start(other, lab.study.participant(other).next_phase)
+    assert texts.WHEEL_CALL in lab.client.get(f"/p/{token}").text
+
+
+def test_only_in_a_kiosk_a_participant_starts_a_drive(lab, kiosk):
+    for console, starts in ((lab, False), (kiosk, True)):
+        _, token = console.enrol(at="practice")
+        assert (texts.WHEEL_READY in console.client.get(f"/p/{token}").text) is starts
+        assert console.post(token, "/ready", phase="practice").status_code == 303
+        assert (console.runs.view() is not None) is starts
+    assert kiosk.runs.view().phase == "practice"
+
+
+def test_a_kiosk_starts_what_is_next_alone_and_once(kiosk, tmp_path):
+    (tmp_path / "hold").touch()
+    _, other = kiosk.enrol(at="calibration")
+    _, token = kiosk.enrol(at="practice")
+    kiosk.post(token, "/ready", phase="calibration")
+    assert kiosk.runs.view() is None
+    kiosk.post(token, "/ready", phase="practice")
+    pid = kiosk.runs.view().pid
+    kiosk.post(token, "/ready", phase="practice")
+    assert kiosk.runs.view().pid == pid
+    answer = kiosk.post(other, "/ready", phase="calibration")
+    assert (answer.status_code, texts.KIOSK_BUSY in answer.text) == (409, True)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ def test_a_frame_is_what_a_camera_on_the_drive_sees(blocky_world, view, wheel):
         driving.restore(recorded)
         with Camera(driving.model, driving.data, config) as camera:
             expected = camera.frame().copy()
-        with WorldView(blocky_world, config) as view_of_world:
+        with WorldView(blocky_world, config, scenery=False) as view_of_world:
             frame = view_of_world.frame(driving.state.pose, CarConfig().road_wheel_rad(wheel))
             np.testing.assert_array_equal(frame, expected)
 

@@ -1,3 +1,4 @@
+import errno
 import os
 import subprocess
 import sys
@@ -72,19 +73,23 @@ def test_a_full_disk_is_said_and_leaves_nothing(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
+def _refuse_to_rename(path, error, monkeypatch):
+    rename = os.rename
+
+    def refuse(source, target, **rest):
+        if os.fspath(source) == os.fspath(path):
+            raise OSError(error, os.strerror(error))
+        rename(source, target, **rest)
+
+    monkeypatch.setattr(os, "rename", refuse)
+
+
 def test_folders_of_a_layered_file_system_are_replaced_too(tmp_path, monkeypatch):
     """There a folder of a lower layer cannot be renamed, as in many containers."""
     out = tmp_path / "out"
     out.mkdir()
     (out / "old").write_text("1")
-    rename = os.rename
-
-    def refuse(source, target, **rest):
-        if os.fspath(source) == os.fspath(out):
-            raise OSError(18, "Invalid cross-device link")
-        rename(source, target, **rest)
-
-    monkeypatch.setattr(os, "rename", refuse)
+    _refuse_to_rename(out, errno.EXDEV, monkeypatch)
     monkeypatch.setattr(module, "exchange", lambda first, second: False)
     with output_folder(out, force=True) as folder:
         (folder / "new").write_text("1")
@@ -169,3 +174,56 @@ def test_results_that_came_meanwhile_are_not_replaced_unless_forced(tmp_path):
         write()
     assert os.listdir(out) == ["other"]
     assert os.listdir(tmp_path) == ["out"]
+
+
+@pytest.mark.parametrize("error", [errno.EBUSY, errno.EACCES, errno.EPERM])
+def test_what_cannot_be_replaced_is_said_before_the_work_and_stays(tmp_path, monkeypatch, error):
+    """A mounted disk, as ``/out`` of a container, or somebody else's folder in a shared one."""
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "old").write_text("precious")
+    worked = []
+    _refuse_to_rename(out, error, monkeypatch)
+    with (
+        pytest.raises(OutputError, match=r"out cannot be replaced: .* a disk is mounted there"),
+        output_folder(out, force=True),
+    ):
+        worked.append(True)
+    assert not worked
+    assert (out / "old").read_text() == "precious"
+    assert os.listdir(tmp_path) == ["out"]
+
+
+def test_what_becomes_unmovable_meanwhile_loses_nothing(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "old").write_text("precious")
+    _refuse_to_rename(out, errno.EBUSY, monkeypatch)
+    monkeypatch.setattr(module, "_refuse_unmovable", lambda path, room: None)
+    monkeypatch.setattr(module, "exchange", lambda first, second: False)
+    with pytest.raises(OutputError, match="busy"), output_folder(out, force=True) as folder:
+        (folder / "new").write_text("1")
+    assert (out / "old").read_text() == "precious"
+    assert os.listdir(tmp_path) == ["out"]
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="modes say nothing here")
+def test_a_folder_of_somebody_elses_in_a_shared_one_is_refused(tmp_path):
+    """The real system's word for it, not a made-up one: a sticky folder, as /tmp is."""
+    shared = tmp_path / "shared"
+    (shared / "out").mkdir(parents=True)
+    if os.geteuid() != 0:
+        pytest.skip("only root can give a folder to somebody else")
+    above = {one: one.stat().st_mode & 0o7777 for one in (tmp_path, *tmp_path.parents)}
+    for one, mode in above.items():  # pytest's folders let nobody else through
+        one.chmod(mode | 0o011)
+    shared.chmod(0o1777)
+    os.seteuid(65534)
+    try:
+        with pytest.raises(OutputError, match="cannot be replaced"):
+            module.check_output_folder(shared / "out")
+    finally:
+        os.seteuid(0)
+        for one, mode in above.items():
+            one.chmod(mode)
+    assert os.listdir(shared) == ["out"]

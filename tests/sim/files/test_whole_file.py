@@ -67,6 +67,22 @@ def test_what_a_killed_writer_left_is_removed_by_the_next_one_for_the_same_file(
     assert left[0].startswith(".a.txt-b-")
 
 
+def test_a_workspace_that_is_only_just_made_is_nobodys_to_remove(tmp_path, monkeypatch):
+    """Its lock's file is there a moment before it is locked."""
+    path, real, looked = tmp_path / "a.txt", files.FileLock.acquire, []
+
+    def acquire(lock, *arguments):
+        Path(lock.lock_file).touch()
+        looked.append(list(files.abandoned(path)))
+        return real(lock, *arguments)
+
+    monkeypatch.setattr(files.FileLock, "acquire", acquire)
+    with whole_file(path) as part:
+        part.write_text("new")
+    assert looked == [[]]
+    assert path.read_text() == "new"
+
+
 def _fail(path: Path, error: BaseException) -> None:
     with whole_file(path) as part:
         part.write_text("half")

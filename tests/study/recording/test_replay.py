@@ -49,6 +49,18 @@ def test_it_is_saved_and_not_shown(study, tmp_path):
     ]
 
 
+def test_a_picture_is_made_of_the_last_attempt_alone(study, tmp_path, monkeypatch):
+    drawn = []
+
+    def draw(file, png, *, at_s):
+        drawn.extend(r.recording_id for r in RrdReader(file).recordings())
+
+    monkeypatch.setattr(replay_module, "screenshot", draw)
+    (attempt,) = replay(study, replace(BARE, screenshot=tmp_path / "last.png"))
+    assert attempt.attempt == 1
+    assert drawn == [f"P01/{attempt.rollout}/1"]
+
+
 def test_a_saved_recording_is_shown_as_it_is(study, tmp_path):
     file = tmp_path / "out.rrd"
     replay(study, replace(BARE, save=file))

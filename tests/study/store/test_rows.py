@@ -131,6 +131,7 @@ OTHERS = {  # columns that a record does not have, since what it is kept for say
 UNMAPPED = {
     *("meta", "participants", "steps"),  # texts by key, and labelled steps, which map themselves
     *("departures", "consents", "links", "notes", "teaching_targets", "erasing"),  # no record
+    "merged_audits",  # the records of audits, besides whose they are
 }
 
 

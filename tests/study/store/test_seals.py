@@ -22,9 +22,13 @@ def _edit(folder, sql):
         connection.close()
 
 
-def _labels(folder):
+def _checks(folder, what):
     with Study.open(folder, read_only=True) as study:
-        return [check for check in study.verify().findings if check.what == "Labels"]
+        return [check for check in study.verify().findings if check.what == what]
+
+
+def _labels(folder):
+    return _checks(folder, "Labels")
 
 
 @pytest.fixture
@@ -69,3 +73,37 @@ def test_attempts_that_are_gone_show_unless_their_owner_was_erased(calibrated):
     (check,) = _labels(calibrated)
     assert not check.ok
     assert "are gone, the first is attempt T002" in check.found
+
+
+@pytest.mark.parametrize(
+    ("table", "what", "said"),
+    [
+        ("embeddings", "Labels", "1 are gone, the first is w 2"),
+        ("responses", "Answers", "1 are gone"),
+    ],
+)
+def test_after_an_erasure_what_others_lose_still_shows(calibrated, run_scripted, table, what, said):
+    with Study.open(calibrated) as study:
+        run_scripted(study, Role.TEST, 4)
+        study.withdraw("P001", erase=True)
+    assert all(check.ok for what in ("Labels", "Answers") for check in _checks(calibrated, what))
+    _edit(calibrated, f"DELETE FROM {table} WHERE id = (SELECT max(id) FROM {table})")
+    (check,) = _checks(calibrated, what)
+    assert not check.ok
+    assert said in check.found
+
+
+def test_a_number_that_an_erasure_freed_counts_for_who_gets_it_next(calibrated, run_scripted):
+    with Study.open(calibrated) as study:
+        study.withdraw("P001", erase=True)  # had the last w and the last answers
+        run_scripted(study, Role.TEST, 4)
+    assert all(check.ok for what in ("Labels", "Answers") for check in _checks(calibrated, what))
+    _edit(calibrated, "DELETE FROM embeddings")
+    assert "1 are gone, the first is w 1" in _labels(calibrated)[0].found
+
+
+def test_an_audit_that_is_not_steerlabs_is_one_finding_each(calibrated):
+    _edit(calibrated, "UPDATE audit SET detail = 'x y' WHERE act = 'sealed'")
+    (check,) = _labels(calibrated)
+    assert not check.ok
+    assert "(sealed) says 'x y', which is not as steerlab writes it" in check.found

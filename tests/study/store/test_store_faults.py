@@ -116,7 +116,7 @@ def test_creating_never_overwrites(tmp_path: Path):
     StudyStore.create(path).close()
     with pytest.raises(StoreError, match="exists already"):
         StudyStore.create(path)
-    with pytest.raises(StoreError, match="Check that its folder exists"):
+    with pytest.raises(StoreError, match="check that its folder exists"):
         StudyStore.create(tmp_path / "nowhere" / "study.db")
 
 

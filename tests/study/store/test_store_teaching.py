@@ -19,6 +19,7 @@ from steerlab.study.store.people import (
     insert_phase_event,
 )
 from steerlab.study.store.records import StoredRollout
+from steerlab.study.store.seals import sealed_rows
 from steerlab.study.store.store import StudyStore
 from steerlab.study.store.teaching import (
     TEACHING_SCHEMA,
@@ -209,3 +210,5 @@ def test_all_of_a_person_goes_when_they_are_erased_and_nobody_elses(store):
     for table in TABLES:
         found = store.connection.read(f"SELECT DISTINCT participant FROM {table}")
         assert found == [("P002",)]
+    sealed = [row for row in sealed_rows(store.audit()) if row[0] == "round"]
+    assert sealed == [("round", 2)]  # the audit knows whose went: that of P002 would be missed

@@ -194,6 +194,15 @@ def test_a_study_brings_its_own(tmp_path: Path):
     assert set(all_questionnaires(tmp_path)) == {*shipped_questionnaires(), "mine"}
 
 
+def test_a_file_from_another_system_may_end_in_capitals(tmp_path: Path):
+    (tmp_path / "mine.TOML").write_text(GOOD, encoding="utf-8")
+    assert set(all_questionnaires(tmp_path)) == {*shipped_questionnaires(), "mine"}
+    (tmp_path / "mine.toml").write_text(GOOD, encoding="utf-8")
+    if len(list(tmp_path.iterdir())) == 2:  # where capitals make another name
+        with pytest.raises(InvalidConfig, match="two files of the key mine"):
+            all_questionnaires(tmp_path)
+
+
 def test_a_study_replaces_no_shipped_instrument(tmp_path: Path):
     text = GOOD.replace('key = "mine"', 'key = "trust"')
     (tmp_path / "trust.toml").write_text(text, encoding="utf-8")

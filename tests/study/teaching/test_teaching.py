@@ -456,7 +456,7 @@ def test_policies_that_cannot_be_kept_cost_no_drive(teach, store, short_world, m
         save(network, path)
 
     monkeypatch.setattr(teaching_log, "save_policy", full)
-    with pytest.raises(TeachingError, match=r"round 1 cannot be kept.*No space left.*Free some"):
+    with pytest.raises(TeachingError, match=r"round 1 cannot be kept.*No space left.*make room"):
         teach("dagger")
     assert [one.round for one in of(store)] == [0]
     monkeypatch.setattr(teaching_log, "save_policy", save)

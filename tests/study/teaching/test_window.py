@@ -292,7 +292,7 @@ def test_a_person_corrects_a_live_round_and_takes_over_in_another(folder, tmp_pa
     amend(folder, text, json.dumps([*names.values()]))
     display = Display(tmp_path)
     try:
-        plan = {"short": True, "hold": [30, 90], "leave": "Teaching robot 3"}
+        plan = {"short": True, "hold": [0.5, 1.5], "leave": "Teaching robot 3"}
         arguments = ("--participant", "P001", "--no-recordings")
         child = display.run("virtual_teacher.py", plan, "study", "run", str(folder), *arguments)
         out, err = child.communicate(timeout=250)

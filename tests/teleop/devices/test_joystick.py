@@ -11,7 +11,7 @@ from steerlab.teleop.devices.joystick import (
     list_joysticks,
     usb_ids,
 )
-from steerlab.teleop.devices.virtual import GAMEPAD, VirtualJoystick, _mapped_sdl
+from steerlab.teleop.devices.virtual import GAMEPAD, VirtualJoystick, mapped_sdl
 from steerlab.teleop.sdl import SdlEvents, pygame
 
 
@@ -181,7 +181,7 @@ def test_closed_it_no_longer_listens(events):
 
 def _hint(value: bytes) -> None:
     override = 2  # SDL_HINT_OVERRIDE: beats the environment
-    sdl = _mapped_sdl()
+    sdl = mapped_sdl()
     sdl.SDL_SetHintWithPriority.argtypes = [ctypes.c_char_p, ctypes.c_char_p, ctypes.c_int]
     assert sdl.SDL_SetHintWithPriority(b"SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", value, override)
 

@@ -338,6 +338,12 @@ def test_saving_replaces_the_same_device_and_keeps_the_others():
     assert not kept[str(first)].shipped
 
 
+def test_a_profile_from_another_system_may_end_in_capitals():
+    path = save_profile(profile_from_toml(GOOD, "good.toml"))
+    capitals = path.rename(path.with_suffix(".TOML"))
+    assert [one.file for one in user_profiles()] == [str(capitals)]
+
+
 def test_a_broken_user_profile_is_named_not_skipped():
     path = save_profile(profile_from_toml(GOOD, "good.toml"))
     path.write_text(GOOD.replace("sign = -1", "sign = 3"))

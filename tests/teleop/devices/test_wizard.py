@@ -12,6 +12,7 @@ from steerlab.app.wheel_commands import (
     watch_lines,
     watch_on_screen,
 )
+from steerlab.sim.errors import SteerlabError
 from steerlab.sim.vehicle import WHEEL_LIMIT
 from steerlab.teleop.devices.contract import Button, DeviceError
 from steerlab.teleop.devices.profile_folder import save_profile, user_profiles
@@ -201,6 +202,17 @@ def test_starting_over_from_the_keyboard(events):
             assert person.pages[-1].title.endswith("hands off")
 
         calibrated(events, script)
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_anybody_turns_the_wheel(events, tmp_path):
+    (tmp_path / "file").write_text("")
+
+    def nobody(person):
+        raise AssertionError("the person was asked to do something")
+        yield
+
+    with VirtualJoystick(name="Virtual G920"), pytest.raises(SteerlabError, match="cannot be kept"):
+        calibrated(events, nobody, folder=tmp_path / "file" / "wheels")
 
 
 def test_which_joystick_is_calibrated_is_never_guessed(events):

@@ -149,17 +149,38 @@ def test_keys_and_focus(display, program):
     window = display.xdotool("getwindowfocus")
     assert display.xdotool("getwindowname", window) == "steerlab"
     assert display.xdotool("getwindowgeometry", window).endswith("960x540")
-    for key, act in (("p", "pause"), ("r", "redo"), ("space", "confirm"), ("Return", "confirm")):
-        display.xdotool("key", key)
+    for keys, act in (
+        (["p"], "pause"),
+        (["r", "r"], "redo"),
+        (["space"], "confirm"),
+        (["Return"], "confirm"),
+    ):
+        display.xdotool("key", *keys)
         assert program.hear(act) == [act]
     root = display.xdotool("search", "--maxdepth", "0", ".*").splitlines()[0]
     display.xdotool("windowfocus", root)
     assert program.hear("not focused") == ["focus_lost", "not focused"]
     display.xdotool("windowfocus", window)
     program.hear("focused")
-    display.xdotool("key", "Escape")
+    display.xdotool("key", "Escape", "Escape")
     assert program.hear("ended") == ["stop", "picture closed", "ended"]
     assert _ended(program) == (0, "")
+
+
+def test_a_monitor_that_is_not_there_is_one_sentence_that_lists_those_there_are(display, tmp_path):
+    arguments = ["drive", "--device", "keyboard", "--no-pedals", "--monitor", "3", "--no-sound"]
+    done = subprocess.run(
+        [sys.executable, "-m", "steerlab.app.cli", *arguments],
+        env=display.environment | {"XDG_CONFIG_HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+    )
+    assert done.returncode == 2
+    said = done.stderr.strip().splitlines()[-1]
+    assert said.startswith("steerlab: No monitor '3' here; there is 0 (")
+    assert said.endswith(", 1280x800).")
+    assert "Traceback" not in done.stderr
 
 
 def test_a_display_that_vanishes_is_said_and_everything_is_closed(display, program):

@@ -41,8 +41,10 @@ class Painted:
 
 
 def _slow(full_ms):
-    """Costs as many milliseconds at 960x540, and less in fewer pixels."""
-    return lambda camera: full_ms * camera.width * camera.height / (960 * 540)
+    """Costs as many milliseconds at 960x540, less in fewer pixels and thrice with smooth edges."""
+    return lambda camera: (
+        full_ms * camera.width * camera.height / (960 * 540) * (3.0 if camera.samples else 1.0)
+    )
 
 
 def _screen(events, painted, **config):
@@ -55,20 +57,41 @@ def _screen(events, painted, **config):
 
 
 def test_a_fast_machine_draws_every_pixel(events, open_world):
-    painted = Painted(_slow(11.0))
+    painted = Painted(_slow(3.0))
     with _screen(events, painted) as screen:
         assert screen.resolution is None
         screen.enter(open_world)
-        assert str(screen.resolution) == "960x540"
+        assert str(screen.resolution) == "960x540 with smooth edges"
+        assert screen.resolution.frame_ms == pytest.approx(9.0)
+        assert painted.cameras == [CameraConfig(width=960, height=540, view="driver", samples=4)]
+
+
+def test_edges_are_smooth_only_where_there_is_time(events, open_world):
+    with _screen(events, Painted(_slow(11.0))) as screen:
+        screen.enter(open_world)
+        assert str(screen.resolution) == "960x540: a finer frame took 33 ms"
         assert screen.resolution.frame_ms == pytest.approx(11.0)
-        assert painted.cameras == [CameraConfig(width=960, height=540)]
+
+
+@pytest.mark.parametrize(
+    ("full_ms", "drawn"), [(7.0, (960, 540, 4)), (11.9, (960, 540, 0)), (20.0, (640, 360, 0))]
+)
+def test_a_large_window_has_more_steps_down(events, open_world, full_ms, drawn):
+    """At 960x540 a frame takes ``full_ms``, at 1920x1080 four times as long."""
+    painted = Painted(lambda camera: _slow(full_ms)(camera) * (0.5 if camera.samples else 1.0))
+    with _screen(events, painted, width=1920, height=1080) as screen:
+        screen.enter(open_world)
+        camera = painted.cameras[-1]
+        assert (camera.width, camera.height, camera.samples) == drawn
+        assert screen.resolution.in_time
 
 
 def test_a_slow_machine_draws_half_and_says_why(events, open_world, view, pixels):
     painted = Painted(_slow(21.0))
     with _screen(events, painted, view="chase") as screen:
         screen.enter(open_world)
-        assert str(screen.resolution) == "480x270 scaled to 960x540: a full frame took 21 ms"
+        assert str(screen.resolution) == "480x270 scaled to 960x540: a finer frame took 16 ms"
+        assert screen.resolution.slower == pytest.approx((63.0, 21.0, 15.75))
         assert screen.resolution.in_time
         assert painted.cameras[-1] == CameraConfig(width=480, height=270, view="chase")
         assert painted.open == 1
@@ -96,7 +119,7 @@ def test_a_session_does_not_go_back_to_a_finer_picture(events, open_world):
         painted.cameras.clear()
         screen.enter(open_world)
         assert screen.resolution is first
-        assert [camera.width for camera in painted.cameras] == [480]
+        assert [(camera.width, camera.samples) for camera in painted.cameras] == [(480, 0)]
         assert painted.open == 1
     assert painted.open == 0
 
@@ -107,8 +130,8 @@ def test_a_machine_that_grows_slower_draws_less(events, open_world):
         screen.enter(open_world)
         painted.cost = _slow(30.0)
         screen.enter(open_world)
-        assert str(screen.resolution) == "480x270 scaled to 960x540: a full frame took 30 ms"
-        assert screen.resolution.slower == pytest.approx((30.0,))
+        assert str(screen.resolution) == "480x270 scaled to 960x540: a finer frame took 22 ms"
+        assert screen.resolution.slower == pytest.approx((30.0, 30.0, 22.5))
 
 
 def test_a_drive_needs_a_world(events, view):
@@ -211,7 +234,10 @@ def test_the_world_in_the_window_is_the_world(events, open_world, view, pixels):
     with DriveScreen(events, ScreenConfig(frame_budget_ms=1e6)) as screen:
         screen.enter(open_world)
         screen.show_drive(view(pose=pose))
-        shown = pixels(screen.window.surface)
-    with WorldView(open_world, CameraConfig(width=960, height=540)) as world:
+        shown, ring = pixels(screen.window.surface), screen._hud.rects["marker"]
+    camera = CameraConfig(width=960, height=540, view="driver", samples=4)
+    with WorldView(open_world, camera) as world:
         expected = world.frame(pose)
+    around = slice(ring.left, ring.right)
+    shown[:, around] = expected[:, around]
     np.testing.assert_array_equal(shown[180:360], expected[180:360])

@@ -154,7 +154,7 @@ def test_an_attempt_without_steps_is_told(study, tmp_path):
 
 def test_a_place_that_cannot_be_written_is_told(study, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(RecordingUnavailable, match=r"Cannot write .*Choose another file"):
+    with pytest.raises(RecordingUnavailable, match=r"Cannot write .*choose another file"):
         rebuild_recording(study, tmp_path / "file" / "out.rrd", participant="P01")
 
 
