@@ -142,7 +142,7 @@ def _grow(
         chosen, best = -1, 0.0
         for k in np.argsort(totals[:near_count]):
             node = near[k]
-            if segment_free(space, x, y, points[node, 0], points[node, 1]):
+            if segment_free(space, x, y, float(points[node, 0]), float(points[node, 1])):
                 chosen, best = node, totals[k]
                 break
         if chosen < 0:
@@ -178,14 +178,16 @@ def _pull_strings(
         x, y = points[node, 0], points[node, 1]
         chosen = parent[node]
         above = parent[chosen]
-        while above >= 0 and segment_free(space, x, y, points[above, 0], points[above, 1]):
+        while above >= 0 and segment_free(
+            space, x, y, float(points[above, 0]), float(points[above, 1])
+        ):
             chosen = above
             above = parent[chosen]
         best = cost[chosen] + np.hypot(points[chosen, 0] - x, points[chosen, 1] - y)
         for corner in corners:
             total = cost[corner] + np.hypot(points[corner, 0] - x, points[corner, 1] - y)
             if total < best - 1e-9 and segment_free(
-                space, x, y, points[corner, 0], points[corner, 1]
+                space, x, y, float(points[corner, 0]), float(points[corner, 1])
             ):
                 chosen, best = corner, total
         parent[node], cost[node] = chosen, best
@@ -211,7 +213,7 @@ def cost_to_go(
                 continue
         total = tree.cost_m[node] + np.hypot(tree.points[node, 0] - x_m, tree.points[node, 1] - y_m)
         if total < best and segment_free(
-            space, x_m, y_m, tree.points[node, 0], tree.points[node, 1]
+            space, x_m, y_m, float(tree.points[node, 0]), float(tree.points[node, 1])
         ):
             best, chosen = total, node
-    return best, int(chosen)
+    return float(best), int(chosen)

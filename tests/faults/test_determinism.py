@@ -33,7 +33,7 @@ def _run(folder: Path, arguments: str, surroundings: dict[str, str]) -> dict[str
             values = json.loads(path.read_text(encoding="utf-8"))
             kept = {key: value for key, value in values.items() if key not in CHANGING}
             files[name] = json.dumps(kept, sort_keys=True).encode()
-        elif path.is_file() and path.suffix != ".html":  # pages show the seconds
+        elif path.is_file() and path.suffix not in (".html", ".pid"):  # pages show the seconds
             files[name] = path.read_bytes()
     return files
 

@@ -29,7 +29,7 @@ def _flagged_everywhere(folder, monkeypatch, who):
     with monkeypatch.context() as patch, Study.open(folder, read_only=True) as study:
         patch.setattr(study._opened.store, "flags", lambda attempt: flags)
         (found,) = [one.found for one in study.verify().findings if one.what == who and not one.ok]
-    return found.count("overrun_share")
+    return found.count("steps took too long")
 
 
 def _analysed(folder, capsys):
@@ -91,11 +91,14 @@ def test_four_training_and_two_test_participants(folder, capsys, change, monkeyp
     assert "BAD" not in said
 
 
-def test_the_verbs_of_a_study(tmp_path, capsys):
+def test_the_verbs_of_a_study(tmp_path, capsys, change):
     folder = tmp_path / "s"
     assert "Made" in steerlab(capsys, "new", folder)
     assert "exists already" in steerlab(capsys, "new", folder, code=2)
     assert "Nobody is enrolled" in steerlab(capsys, "status", folder)
+    said = steerlab(capsys, "enrol", folder, "--role", "test", code=2)
+    assert "8 training participants must have finished" in said
+    change(folder, ("network_first = true ", "network_first = false "))
     assert "T001, training" in steerlab(capsys, "enrol", folder, "--role", "training")
     enrolled = json.loads(steerlab(capsys, "enrol", folder, "--role", "test", "--json"))
     assert enrolled["next"] == "consent"
@@ -119,7 +122,7 @@ def test_the_verbs_of_a_study(tmp_path, capsys):
 def test_what_cannot_be_used_is_told_in_a_sentence_by_every_verb(folder, capsys, change):
     change(folder, ('key = "bc"', 'key = "bcc"'))
     said = steerlab(capsys, "enrol", folder, "--role", "test", code=2)
-    assert "study.toml, line 22: $.conditions[1].key is 'bcc'; it must be one of" in said
+    assert "study.toml, line 23: $.conditions[1].key is 'bcc'; it must be one of" in said
     change(folder, ('key = "bcc"', 'key = "bc"'))
     steerlab(capsys, "enrol", folder, "--role", "test")
     other = connect(folder / "study.db", read_only=False)
