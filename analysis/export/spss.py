@@ -12,6 +12,7 @@ from typing import Any
 from steerlab.analysis.export.tables import ExportTable
 from steerlab.analysis.export.variables import Variable
 from steerlab.sim.errors import SteerlabError
+from steerlab.sim.files.writing import writing
 from steerlab.study.derived import EXPORT_LABEL
 
 LONGEST_LABEL, LONGEST_VALUE_LABEL = 256, 120  # bytes
@@ -41,7 +42,11 @@ def check_installed() -> None:
 
 
 def write_spss(table: ExportTable, folder: Path, *, study: str, changed_utc: str) -> None:
-    """``NAME.sav`` in ``folder``; dated ``changed_utc``, so that the same study gives the same bytes."""
+    """``NAME.sav`` in ``folder``; dated ``changed_utc``, so that the same study gives the same bytes.
+
+    Raises:
+        OSError: the disk does not take it.
+    """
     import pandas
     import pyreadstat
 
@@ -54,16 +59,23 @@ def write_spss(table: ExportTable, folder: Path, *, study: str, changed_utc: str
     )
     numeric = [variable for variable in table.variables if not _is_text(variable)]
     path = folder / f"{table.name}.sav"
-    pyreadstat.write_sav(
-        frame,  # pyright: ignore[reportArgumentType] (a protocol that pandas' types do not meet)
-        path,
-        file_label=f"{EXPORT_LABEL} {study}: {table.name}",
-        column_labels=[fitted(label_of(variable), LONGEST_LABEL) for variable in table.variables],
-        variable_value_labels={v.name: labels for v in numeric if (labels := value_labels(v))},
-        missing_ranges={v.name: list(v.missing_codes.values()) for v in numeric if v.missing_codes},
-        variable_measure={variable.name: variable.measure for variable in table.variables},
-        variable_format={variable.name: _FORMATS[variable.kind] for variable in numeric},
-    )
+    with writing(path, pyreadstat.ReadstatError):
+        pyreadstat.write_sav(
+            frame,  # pyright: ignore[reportArgumentType] (a protocol that pandas' types do not meet)
+            path,
+            file_label=f"{EXPORT_LABEL} {study}: {table.name}",
+            column_labels=[
+                fitted(label_of(variable), LONGEST_LABEL) for variable in table.variables
+            ],
+            variable_value_labels={v.name: labels for v in numeric if (labels := value_labels(v))},
+            missing_ranges={
+                v.name: list(v.missing_codes.values()) for v in numeric if v.missing_codes
+            },
+            variable_measure={variable.name: variable.measure for variable in table.variables},
+            variable_format={variable.name: _FORMATS[variable.kind] for variable in numeric},
+        )
+        # It takes half a write for a whole one, and only finds when it reads that rows are missing.
+        pyreadstat.read_sav(path, usecols=[table.variables[0].name])
     _date(path, datetime.fromisoformat(changed_utc))
 
 

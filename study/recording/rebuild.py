@@ -18,6 +18,7 @@ from PIL import Image
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.files.refusal import refusal
 from steerlab.sim.files.whole_file import rename_durably, whole_file, workspace
+from steerlab.sim.files.writing import why_not_written
 from steerlab.sim.geometry import Pose2D
 from steerlab.sim.progress import Progress
 from steerlab.sim.records import LabelledStep
@@ -28,7 +29,7 @@ from steerlab.study.recording import layout
 from steerlab.study.recording.drive_log import DriveLog
 from steerlab.study.recording.scene import log_end, log_world
 from steerlab.study.recording.viewer import RecordingUnavailable, rerun_executable
-from steerlab.study.recording.written import check_written, why_not_written
+from steerlab.study.recording.written import check_written
 from steerlab.study.store.records import Attempt, AttemptData, StoredRollout
 from steerlab.study.store.store import STUDY_FILE, StudyStore
 

@@ -1,6 +1,7 @@
 """Every format gives back what was written, with its labels; the same study gives the same bytes."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -11,7 +12,7 @@ import pyarrow.parquet as pq
 import pyreadstat
 import pytest
 
-from steerlab.analysis.export.spss import CannotWriteSpss, check_installed
+from steerlab.analysis.export.spss import CannotWriteSpss, check_installed, write_spss
 from steerlab.analysis.export.tables import PARTICIPANTS
 from tests.analysis.export.conftest import NOTE, OWN_WORDS, export_to
 
@@ -107,6 +108,19 @@ def test_own_words_leave_only_when_asked_for_and_notes_never(exported, whole, tm
     assert {"participants.csv", "answers.csv", "participants.sav", "answers.sav"} <= set(found)
     for out in (exported[0], tmp_path):
         assert _holding(out, NOTE.encode()) == []
+
+
+def test_rows_that_the_disk_did_not_take_are_missed(exported, tmp_path, monkeypatch):
+    write = pyreadstat.write_sav
+
+    def half(frame, path, **settings):  # a full disk takes so much, and pyreadstat ends well
+        write(frame, path, **settings)
+        os.truncate(path, path.stat().st_size * 2 // 3)
+
+    monkeypatch.setattr(pyreadstat, "write_sav", half)
+    table = exported[1]["labels"]
+    with pytest.raises(OSError, match="expected number of rows"):
+        write_spss(table, tmp_path, study="one", changed_utc="2026-01-01T00:00:00+00:00")
 
 
 def test_spss_is_refused_in_a_sentence_without_the_extra(monkeypatch):

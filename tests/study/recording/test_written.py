@@ -1,9 +1,7 @@
-import errno
-
 import pytest
 
 from steerlab.study.recording import rebuild
-from steerlab.study.recording.written import check_written, why_not_written
+from steerlab.study.recording.written import check_written
 
 
 def test_half_a_recording_is_refused(record, drive, drive_steps, tmp_path):
@@ -27,8 +25,3 @@ def test_recordings_that_rerun_joins_by_half_are_not_kept(tmp_path, monkeypatch)
     monkeypatch.setenv("STEERLAB_RERUN", str(half))
     with pytest.raises(OSError, match="did not write its end"):
         rebuild._join([tmp_path / "a", tmp_path / "b"], tmp_path / "all.rrd")
-
-
-def test_the_systems_reason_is_found_by_writing_on(tmp_path):
-    assert why_not_written(tmp_path, "no reason").errno == errno.EISDIR
-    assert str(why_not_written(tmp_path / "file", "no reason")) == "no reason"
