@@ -83,14 +83,21 @@ def copy_folder(source: Path, target: Path, without: Sequence[str] = (_ANALYSIS,
     Raises:
         OSError: a file cannot be read or written.
     """
+    failures: list[OSError] = []
+
+    def copy(file: str, to: str) -> None:
+        try:
+            shutil.copyfile(file, to)
+        except OSError as error:  # copytree keeps its words alone, and goes on
+            failures.append(error)
+            raise
+
     if source.is_dir():
         left_out = shutil.ignore_patterns(_PARTS, *without)
         try:
-            shutil.copytree(
-                source, target, ignore=left_out, dirs_exist_ok=True, copy_function=shutil.copyfile
-            )
-        except shutil.Error as error:  # a list of source, target and reason of each
-            raise OSError(str(error.args[0][0][2])) from error
+            shutil.copytree(source, target, ignore=left_out, dirs_exist_ok=True, copy_function=copy)
+        except shutil.Error as error:
+            raise (failures or [error])[0] from None
 
 
 def keep_private(folder: Path) -> None:

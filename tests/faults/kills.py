@@ -281,7 +281,7 @@ VERBS = (
     _verb("fit", f"fit {TABLE} --folds 2 --ladder quick --out out --force", _results("out"), 10.0),
     _verb(
         "synthetic",
-        "synthetic --people 4 --new-people 4 --out out --force",
+        "synthetic --people 6 --new-people 4 --out out --force",
         _results("out"),
         15.0,
     ),

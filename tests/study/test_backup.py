@@ -1,5 +1,7 @@
 """``study backup``: a consistent, private copy while others write, and nothing else replaced."""
 
+import errno
+import os
 import shutil
 import subprocess
 import sys
@@ -9,6 +11,7 @@ from threading import Event, Thread
 import pytest
 
 from steerlab.app.cli import main
+from steerlab.sim.errors import SteerlabError
 from steerlab.sim.files.folder_lock import RUN_LOCK, locked
 from steerlab.study import backup as backup_module
 from steerlab.study.backup import backup
@@ -50,6 +53,20 @@ def test_the_copy_is_whole_and_its_owners_alone(trained, tmp_path):
     assert (copy / "models").stat().st_mode & 0o777 == 0o700
     with Study.open(copy) as study:  # it is a study like any other
         assert study.enrol(Role.TRAINING).id == "T003"
+
+
+def test_a_full_disk_is_said_as_one_and_leaves_no_copy(trained, tmp_path, monkeypatch):
+    (trained / "models").mkdir(exist_ok=True)
+    (trained / "models" / "mind_meld-1.safetensors").write_bytes(b"network")
+
+    def full(source, target):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(shutil, "copyfile", full)
+    (trained / "study.toml").rename(tmp_path / "study.toml")  # copied apart from the folders
+    with pytest.raises(SteerlabError, match=r"No space left on device; make room"):
+        backup(trained, tmp_path / "copy")
+    assert not (tmp_path / "copy").exists()
 
 
 def test_what_can_be_made_anew_comes_only_if_asked_for(trained, tmp_path):
