@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from steerlab.sim.language import said
 from steerlab.study.contract import (
     ParticipantView,
     Phase,
@@ -297,14 +298,16 @@ def _in_words(records: _Records, progress: ParticipantProgress) -> str:
     if phase.kind is PhaseKind.CALIBRATION:
         finished = finished_rollouts(study, progress, records.finished)
         done = sum(name in finished for name in phase.rollouts)
-        return f"{done} of {len(phase.rollouts)} rollouts"
+        return said("{done} of {count} rollouts").format(done=done, count=len(phase.rollouts))
     if phase.kind is PhaseKind.QUESTIONNAIRES:
         given = answers_of(study, progress, phase.id)
         asked = [
             study.questionnaires[key].shown(given.get(key, {})) for key in phase.questionnaires
         ]
-        return f"{sum(map(len, given.values()))} of {sum(map(len, asked))} answers"
+        done, count = (sum(map(len, each)) for each in (given.values(), asked))
+        return said("{done} of {count} answers").format(done=done, count=count)
     if phase.kind is PhaseKind.TEACH:
         taught = read_taught(study.store.connection, progress.view.id, phase.id)
-        return f"{len(taught)} of {progress.protocol.demonstrations + 1} drives"
+        count = progress.protocol.demonstrations + 1
+        return said("{done} of {count} drives").format(done=len(taught), count=count)
     return ""

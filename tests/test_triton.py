@@ -29,7 +29,7 @@ COMMANDS: dict[str, tuple[str, tuple[str, ...]]] = {
     "demo": ("verb", ("--out", "demo")),
     "doctor": ("verb", ()),
     "wheel": ("verb", ("list",)),
-    "drive": ("verb", ("--device", "scripted:low:1", "--no-pedals", "--balls", "1")),
+    "drive": ("interrupt:6", ("--device", "keyboard", "--no-pedals", "--windowed", "--no-sound")),
     "correct": (
         "verb",
         ("corrected", "--participant", "P01", "--rollouts", "1", "--device", "scripted:low:1"),

@@ -17,14 +17,13 @@ from steerlab.app.console.experimenter_views import (
     person_page,
 )
 from steerlab.app.console.guard import csrf_holds, form_key, read_form
-from steerlab.app.console.next_steps import PAGES
 from steerlab.app.console.rendering import message_page, page, too_many_page
 from steerlab.app.console.short_links import ShortLinks
 from steerlab.app.console.sign_in import BrowserSession, LoginThrottle, SignIn, client_source
 from steerlab.app.console.study_thread import StudyCheckJob, StudyThread
 from steerlab.app.console.wheel_run import WheelRuns
 from steerlab.sim.errors import SteerlabError
-from steerlab.study.contract import Role, StudyAccess, StudyError
+from steerlab.study.contract import PAGES, Role, StudyAccess, StudyError
 from steerlab.study.store.errors import StoreError
 
 LONGEST_NOTE = 5000  # characters

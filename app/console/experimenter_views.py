@@ -12,7 +12,7 @@ from starlette.responses import Response
 from steerlab.app.console import texts
 from steerlab.app.console.config import is_loopback
 from steerlab.app.console.guard import csrf_token
-from steerlab.app.console.next_steps import OVER, next_step, state_of, step_of
+from steerlab.app.console.next_steps import next_step, state_of, step_of
 from steerlab.app.console.rendering import page
 from steerlab.app.console.short_links import ShortLinks
 from steerlab.app.console.sign_in import BrowserSession, LoginThrottle
@@ -159,8 +159,8 @@ def ended_words(run: RunView | None, view: ParticipantView) -> str:
     said = {"title": run.title, "participant": run.participant}
     if run.code and not run.stopping:
         return texts.RUN_FAILED.format(**said, code=run.code)
-    over = not run.phase or state_of(view, run.phase) in OVER
-    if over:
+    state = state_of(view, run.phase)
+    if not run.phase or (state is not None and state.over):
         return texts.RUN_DONE.format(**said)
     if view.progress:
         return texts.RUN_STOPPED_AFTER.format(**said, progress=view.progress)

@@ -5,12 +5,7 @@ from enum import Enum, auto
 
 from steerlab.app.console import texts
 from steerlab.app.console.wheel_run import RunView, WheelRuns
-from steerlab.study.contract import ParticipantView, Phase, PhaseKind, PhaseState, Standing
-
-PAGES = frozenset(
-    {PhaseKind.CONSENT, PhaseKind.QUESTIONNAIRES, PhaseKind.INSTRUCTIONS, PhaseKind.DEBRIEF}
-)
-OVER = frozenset({PhaseState.DONE, PhaseState.SKIPPED})
+from steerlab.study.contract import PAGES, ParticipantView, Phase, PhaseKind, PhaseState, Standing
 
 
 class NextAction(Enum):
@@ -99,7 +94,7 @@ def state_of(view: ParticipantView, phase: str) -> PhaseState | None:
 
 def step_of(view: ParticipantView) -> tuple[int, int]:
     """The participant's step, from 1, and how many there are; the last one when all are done."""
-    done = sum(state in OVER for _, state in view.phases)
+    done = sum(state.over for _, state in view.phases)
     return min(done + 1, len(view.phases)), len(view.phases)
 
 

@@ -12,7 +12,7 @@ from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from steerlab.app.console import texts
 from steerlab.app.console.change_feed import ChangeFeed
 from steerlab.app.console.guard import csrf_holds, read_form
-from steerlab.app.console.next_steps import PAGES, AtWheel, at_wheel
+from steerlab.app.console.next_steps import AtWheel, at_wheel
 from steerlab.app.console.participant_views import (
     LONGEST_NAME,
     ParticipantContext,
@@ -31,7 +31,7 @@ from steerlab.app.console.study_thread import StudyThread
 from steerlab.app.console.wheel_run import WheelRuns
 from steerlab.sim.errors import SteerlabError
 from steerlab.study.consent import MOST_TICKS, ConsentEntries, tick
-from steerlab.study.contract import Phase, PhaseKind, StudyAccess, StudyError
+from steerlab.study.contract import PAGES, Phase, PhaseKind, StudyAccess, StudyError
 from steerlab.study.store.errors import StoreError
 from steerlab.study.surveys.answer_format import InvalidAnswer, Value
 from steerlab.study.surveys.questionnaire import Questionnaire

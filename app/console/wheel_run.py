@@ -157,7 +157,8 @@ class WheelRuns:
             StudyError: as for ``start``.
         """
         if self._to_erase:
-            self.erase(self._to_erase.pop(0))
+            self.erase(self._to_erase[0])
+            del self._to_erase[0]  # if it could not be started, it is due with the next change
 
     def stop(self, participant: str, phase: str) -> None:
         """Ask the phase's process to end in order, as Esc does; asked again, end it at once.

@@ -7,7 +7,8 @@ import tempfile
 import pytest
 
 from steerlab.app.console import wheel_run
-from steerlab.app.console.wheel_run import RunOutput
+from steerlab.app.console.wheel_run import RunOutput, WheelRuns
+from steerlab.study.contract import StudyError
 
 
 @pytest.fixture(autouse=True)
@@ -60,3 +61,12 @@ def test_a_system_that_keeps_the_name_of_an_open_file_loses_it_at_the_end(folder
 
 def _refuse(*_: object, **__: object) -> None:
     raise PermissionError(13, "in use by another process")
+
+
+def test_an_erasure_that_could_not_be_started_stays_due(tmp_path):
+    runs = WheelRuns(tmp_path, command=("no-such-program",))
+    runs.erase_later("P001")
+    with pytest.raises(StudyError, match="cannot be started"):
+        runs.erase_waiting()
+    assert runs.to_erase == ("P001",)
+    runs.close()
