@@ -15,11 +15,14 @@ class DesignPlan:
     Attributes:
         network_first: no test participant is enrolled before there is a network, or enough training
             participants have finished to train one.
+        turn_parts: where several calibration phases have a part of the rollouts each, every next
+            participant of a role begins with another part, so that no part is always the first.
         blind: the experimenter is not shown which condition comes when.
         training, test: how many are to take part; 0 is no aim.
     """
 
     network_first: bool = True
+    turn_parts: bool = False
     blind: bool = False
     training: int = 0
     test: int = 0

@@ -56,6 +56,8 @@ def enrol(study: OpenStudy, role: Role, form: str | None = None) -> str:
         if role is Role.TEST:
             check_network_first(study, protocol)
             enrolment = _with_order(enrolment, protocol, _staying(study))
+        elif protocol.design.turn_parts:
+            enrolment = _with_place(enrolment, "parts in turn", _staying(study))
         insert_enrolment(connection, enrolment)
         take(connection, form, enrolment.participant)
     return enrolment.participant
@@ -88,10 +90,16 @@ def _with_order(
     keys = tuple(condition.key for condition in protocol.conditions)
     seed, block_size = protocol.seed, protocol.block_size
     allocation = f"seed {seed}, blocks of {block_size}: {', '.join(keys)}"
+    placed = _with_place(enrolment, allocation, staying)
+    order = order_at(keys, seed=seed, block_size=block_size, index=placed.place or 0)
+    return replace(placed, condition_order=order)
+
+
+def _with_place(enrolment: Enrolment, allocation: str, staying: Sequence[Enrolment]) -> Enrolment:
+    """The first place in that allocation that nobody has who stays."""
     taken = {one.place for one in staying if one.allocation == allocation}
     place = next(place for place in count() if place not in taken)
-    order = order_at(keys, seed=seed, block_size=block_size, index=place)
-    return replace(enrolment, allocation=allocation, place=place, condition_order=order)
+    return replace(enrolment, allocation=allocation, place=place)
 
 
 def _staying(study: OpenStudy) -> list[Enrolment]:

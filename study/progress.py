@@ -260,7 +260,7 @@ def _progress(records: _Records, enrolment: Enrolment) -> ParticipantProgress:
         acts.setdefault(act.phase, []).append(act)
     phases = tuple(
         (phase, _STATES[acts[phase.id][-1].act] if phase.id in acts else PhaseState.WAITING)
-        for phase in protocol.phases_for(role, enrolment.condition_order)
+        for phase in protocol.phases_for(role, enrolment.condition_order, enrolment.place or 0)
     )
     progress = ParticipantProgress(
         view=ParticipantView(

@@ -318,12 +318,20 @@ class StudyProtocol:
         named = [key for phase in self.phases for key in (*phase.questionnaires, *phase.after)]
         return tuple(dict.fromkeys(named))
 
-    def phases_for(self, role: Role, order: tuple[str, ...]) -> tuple[Phase, ...]:
+    def parts_for(self, role: Role) -> tuple[PhasePlan, ...]:
+        """The calibration phases of a role that have a part of the rollouts each."""
+        return tuple(phase for phase in self.phases if role in phase.roles and phase.rollouts)
+
+    def phases_for(self, role: Role, order: tuple[str, ...], place: int = 0) -> tuple[Phase, ...]:
         """All phases of a participant, with one teaching phase for each condition.
 
         Args:
             order: condition keys; the titles that participants see do not give them away.
+            place: among the participants of that role, from 0; says who begins with which part.
         """
+        parts = [phase.rollouts for phase in self.parts_for(role)]
+        turned = place % len(parts) if self.design.turn_parts and parts else 0
+        in_turn = iter(parts[turned:] + parts[:turned])
         phases: list[Phase] = []
         for plan in self.phases:
             if role not in plan.roles:
@@ -338,7 +346,7 @@ class StudyProtocol:
                     title=plan.title,
                     questionnaires=plan.questionnaires,
                     text=plan.text,
-                    rollouts=(plan.rollouts or self.rollouts)
+                    rollouts=(next(in_turn) if plan.rollouts else self.rollouts)
                     if plan.kind is PhaseKind.CALIBRATION
                     else (),
                 )

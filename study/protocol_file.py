@@ -196,6 +196,9 @@ def _check_sequence(protocol: StudyProtocol, role: Role) -> None:
         if phase.kind is PhaseKind.CALIBRATE_W and not corrected:
             raise InvalidValue(where, phase.kind.value, "after a phase of kind calibration")
         seen.append(phase.kind)
+    if protocol.design.turn_parts and seen and len(protocol.parts_for(role)) < 2:
+        allowed = f"false: {role} participants have fewer than two parts of the rollouts"
+        raise InvalidValue("design.turn_parts", True, allowed)
     if not {PhaseKind.CALIBRATION, PhaseKind.TEACH} & set(seen):
         allowed = f"phases with one of kind calibration or teach for {role} participants"
         if seen or not protocol.phases:  # a role without any phase takes no part

@@ -194,16 +194,16 @@ def _orders(study: OpenStudy) -> Iterator[StudyCheck]:
     holders: defaultdict[tuple[str, int | None], list[str]] = defaultdict(list)
     stay = {one.view.id for one in everybody(study) if not has_left(one.view.standing)}
     for person in read_enrolments(study.store.connection):
-        if person.role != Role.TEST:
-            continue
         protocol = study.protocol_of(person.protocol_version)
         keys = [condition.key for condition in protocol.conditions]
         size, place = protocol.block_size, person.place
-        if place is None or person.condition_order != order_at(
-            keys, seed=protocol.seed, block_size=size, index=place
+        if person.role == Role.TEST and (
+            place is None
+            or person.condition_order
+            != order_at(keys, seed=protocol.seed, block_size=size, index=place)
         ):
             wrong.append(person.participant)
-        if person.participant in stay:
+        if place is not None and person.participant in stay:
             holders[person.allocation, place].append(person.participant)
     shared = [" and ".join(people) for people in holders.values() if len(people) > 1]
     if shared:

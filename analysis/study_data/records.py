@@ -33,6 +33,7 @@ class Person:
         latency_s: of the device; None if it was not measured.
         steered_with: kinds of device.
         attention: the attention checks they were shown, of every page that was handed in.
+        parts: rollouts of each correcting phase, in their order; empty where there is one alone.
     """
 
     id: str
@@ -42,6 +43,7 @@ class Person:
     latency_s: float | None = None
     steered_with: tuple[str, ...] = ()
     attention: tuple[AttentionCheck, ...] = ()
+    parts: tuple[tuple[str, ...], ...] = ()
 
     @property
     def scripted(self) -> bool:

@@ -195,6 +195,7 @@ def _person(
     latencies = {session.input_latency_ms for session in sessions}
     # One device, one latency: with several, none is right for all rollouts.
     latency_ms = latencies.pop() if len(latencies) == 1 else None
+    parts = tuple(phase.rollouts for phase, _ in participant.view.phases if phase.rollouts)
     return Person(
         id=participant.view.id,
         role="training" if participant.view.role.value == "training" else "test",
@@ -203,6 +204,7 @@ def _person(
         latency_s=None if latency_ms is None else latency_ms / 1000.0,
         steered_with=tuple(sorted({session.input_kind for session in sessions})),
         attention=attention_checks(study, participant),
+        parts=parts if len(parts) > 1 else (),
     )
 
 

@@ -17,11 +17,15 @@ KNOWN_OUTCOMES = {
     "H3a": tuple(text for text, key in PLANNED_STYLES.items() if key.startswith("amplitude")),
     "H3b": tuple(text for text, key in PLANNED_STYLES.items() if key.startswith("lag")),
     "H4": ("drives that reach the ball, of the evaluation set",),
+    "PrePost": (
+        "mean absolute error of labels against the ground truth, after less before, per person",
+    ),
 }
 KNOWN_TESTS = {
     "H1": ("paired, mapped against given",),
     **dict.fromkeys(("H2a", "H2b", "H2c", "H3a", "H3b"), ("permutation",)),
     "H4": ("mixed model with condition and order, participants as groups; Holm-corrected pairs",),
+    "PrePost": ("paired, before against after",),
 }
 KNOWN_EXCLUSIONS = (
     "Attempts that were flagged for timing are left out of a sensitivity analysis, never of the "

@@ -4,6 +4,7 @@ A hypothesis whose test cannot come out below alpha, whatever people do, was not
 is ``not testable``, with the smallest p there could have been.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -14,10 +15,11 @@ from steerlab.analysis.statistics.noncentral import multiple_power, smallest_mul
 from steerlab.analysis.statistics.outcome import NotComputable
 from steerlab.analysis.statistics.paired import wilcoxon
 from steerlab.analysis.statistics.signed_rank_power import signed_rank_power, smallest_signed_rank
-from steerlab.analysis.study_data.records import PlannedHypothesis, StudyData
+from steerlab.analysis.study_data.records import Person, PlannedHypothesis, StudyData
 from steerlab.analysis.study_tables.label_quality import NO_ERROR, NOT_HELD_OUT, person_errors
 from steerlab.analysis.study_tables.plain import EMPTY, empty, is_empty, plain
 from steerlab.analysis.wording import learner_name, p_value
+from steerlab.sim.arrays import FloatArray
 
 MEDIUM_R, LARGE_R, MEDIUM_D = 0.3, 0.5, 0.5  # Cohen's conventions, for the power a sample had
 
@@ -29,6 +31,7 @@ _TEXT: dict[str, tuple[str, bool]] = {
     "H3a": ("The embeddings correlate with the tendency to over- or under-correct.", True),
     "H3b": ("The embeddings correlate with the tendency to correct late or early.", True),
     "H4": ("Agents taught with MIND MELD drive better than those of the other learners.", True),
+    "PrePost": ("People correct better in the last correcting phase than in the first.", True),
 }
 _TOPICS = {"H2a": "personality", "H2b": "games", "H2c": "driving"}
 _CORRECTIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
@@ -56,11 +59,18 @@ def hypotheses(
     alpha = plan.alpha if plan else 0.05
     correction = plan.correction if plan else "holm"
     planned = {hypothesis.id: hypothesis for hypothesis in plan.hypotheses} if plan else {}
-    rows = [_about(name, planned.get(name), any_plan=plan is not None) for name in _TEXT]
+    in_parts = any(person.parts for person in data.people)
+    rows = [
+        _about(name, planned.get(name), any_plan=plan is not None)
+        for name in _TEXT
+        if name != "PrePost" or in_parts or name in planned
+    ]
     for row in rows:
         name = row["id"]
         if name == "H1":
             row |= _improvement(data)
+        elif name == "PrePost":
+            row |= _change(data)
         elif name == "H4":
             row |= _comparison(conditions, alpha)
         elif name in styles:
@@ -101,7 +111,7 @@ def _judge(rows: Sequence[dict[str, Any]], alpha: float, correction: str) -> Non
         row["p_corrected"] = plain(value)
         otherwise = row.pop("otherwise", None)
         if value < alpha and otherwise is not None:
-            row["note"] = otherwise
+            row["note"] = "; ".join(filter(None, (otherwise, row.get("note"))))
         row["verdict"] = "supported" if value < alpha and otherwise is None else "not supported"
         if least >= alpha:
             row["why"] = (
@@ -157,11 +167,47 @@ def _improvement(data: StudyData) -> dict[str, Any]:
     test = "Wilcoxon's signed ranks of each person's mean error, given against mapped"
     if not held_out:
         return _untestable(test, NOT_HELD_OUT)
-    before, after = person_errors(held_out[0])
+    row = _paired(test, *person_errors(held_out[0]), worse="the labels got worse")
+    if is_empty(row["p"]):
+        return row
+    given, mapped = float(held_out[0].before.sum()), float(held_out[0].after.sum())
+    removed = plain(1.0 - mapped / given) if given else empty(NO_ERROR)
+    return row | {"effect": row["effect"] | {"share_removed": removed}}
+
+
+def _change(data: StudyData) -> dict[str, Any]:
+    """Each person's mean error in their first correcting phase against that in their last."""
+    test = (
+        "Wilcoxon's signed ranks of each person's mean error, first correcting phase against last"
+    )
+    in_parts = [person for person in data.people if person.parts]
+    if not in_parts:
+        return _untestable(test, "everybody corrected all drives in one phase")
+    errors = {(s.person, s.rollout): np.abs(s.label - s.truth)[s.valid] for s in data.series}
+
+    def errors_in(person: Person, part: int) -> FloatArray:
+        return np.concatenate([errors[person.id, name] for name in person.parts[part]])
+
+    pairs = [(errors_in(one, 0), errors_in(one, -1)) for one in in_parts]
+    means = [(one.mean(), other.mean()) for one, other in pairs if len(one) and len(other)]
+    before, after = np.array(means).reshape(-1, 2).T
+    row = _paired(test, before, after, worse="the corrections got worse")
+    firsts = Counter(person.parts[0] for person in in_parts)
+    if len(firsts) == 1:
+        return row | {
+            "note": "everybody had the same drives first, so that a change of the people cannot be "
+            "told from one of the drives"
+        }
+    if max(firsts.values()) - min(firsts.values()) > 1:
+        return row | {"note": f"the parts came first unequally often: {sorted(firsts.values())}"}
+    return row
+
+
+def _paired(test: str, before: FloatArray, after: FloatArray, *, worse: str) -> dict[str, Any]:
+    """Wilcoxon's test of people's mean label errors."""
     result = wilcoxon(before, after)
     if isinstance(result, NotComputable):
         return _untestable(test, result.reason)
-    given, mapped = float(held_out[0].before.sum()), float(held_out[0].after.sum())
     differing = f"{result.n} people"
     if result.equal:
         differing = f"{result.n - result.equal} of {result.n} people whose error changed"
@@ -170,13 +216,12 @@ def _improvement(data: StudyData) -> dict[str, Any]:
         "p": plain(result.p),
         "smallest_p": plain(result.smallest_p),
         "smallest_is": _smallest_is(differing, result.smallest_p),
-        "otherwise": None if result.shift > 0.0 else "the labels got worse",
+        "otherwise": None if result.shift > 0.0 else worse,
         "effect": {
             "what": "median fall of the mean label error, wheel units",
             "value": plain(result.shift),
             "ci95": plain(result.interval),
             "rank_biserial": plain(result.rank_biserial),
-            "share_removed": plain(1.0 - mapped / given) if given else empty(NO_ERROR),
         },
         "n": result.n,
         "power_at": _power_of_pairs(result.n),

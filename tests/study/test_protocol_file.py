@@ -248,6 +248,38 @@ def test_in_pre_post_each_part_is_opened_again_for_itself(tmp_path, change, run_
         assert sorted(again) == [f"calibration-{number:02d}" for number in range(6, 12)]
 
 
+def test_every_second_participant_begins_with_the_other_part(tmp_path, change):
+    folder = tmp_path / "study"
+    new_study(folder, "pre-post")
+    with Study.open(folder) as study:
+        people = [study.enrol(Role.TRAINING) for _ in range(3)]
+        study.withdraw(people[1].id, erase=False)
+        people += [study.enrol(Role.TRAINING), study.enrol(Role.TEST)]
+        firsts = [
+            next(
+                phase.rollouts[0] for phase, _ in study.participant(one.id).phases if phase.rollouts
+            )
+            for one in people
+        ]
+        assert study.verify().ok
+    one, other = "calibration-00", "calibration-06"
+    assert firsts == [one, other, one, other, one]  # the fourth has the place of who left
+    new_study(tmp_path / "other", "pre-post")
+    change(tmp_path / "other", ("turn_parts = true ", "turn_parts = false"))
+    with Study.open(tmp_path / "other") as study:
+        views = [study.enrol(Role.TRAINING) for _ in range(2)]
+        assert len({tuple(phase for phase, _ in view.phases) for view in views}) == 1
+
+
+def test_parts_that_nobody_has_cannot_be_turned(tmp_path, change):
+    new_study(tmp_path / "study", "label-only")
+    change(
+        tmp_path / "study", ("network_first = false", "turn_parts = true\nnetwork_first = false")
+    )
+    with Study.open(tmp_path / "study") as study, pytest.raises(InvalidConfig, match="turn_parts"):
+        study.enrol(Role.TRAINING)
+
+
 def test_a_study_brings_its_own_questionnaires(folder, change):
     own = folder / "questionnaires"
     own.mkdir()
