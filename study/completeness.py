@@ -85,11 +85,13 @@ def page_findings(study: OpenStudy, progress: ParticipantProgress) -> Iterator[S
 
 def _ages(study: OpenStudy, progress: ParticipantProgress) -> list[float]:
     """What a participant has answered to the shipped question of their age, wherever it is asked."""
+    asked = {key for key, one in study.questionnaires.items() if one.original == "demographics"}
     return [
         float(age)
         for phase, _ in progress.view.phases
         if phase.kind is PhaseKind.QUESTIONNAIRES
-        and (age := answers_of(study, progress, phase.id).get("demographics", {}).get("age"))
+        for key, given in answers_of(study, progress, phase.id).items()
+        if key in asked and (age := given.get("age"))
     ]
 
 

@@ -23,7 +23,8 @@ class PlantedEffect:
     ``correlation`` times the root of the scale's reliability.
 
     Attributes:
-        scale: ``<questionnaire>.<scale>``, such as ``mini_ipip_5.extraversion``.
+        scale: ``<questionnaire>.<scale>``, such as ``mini_ipip_5.extraversion``; a translation has the
+            effects on what it translates.
         style: ``gain`` (its logarithm: above 0 over-corrects) or ``delay``.
         correlation: with the trait, over the population.
     """
@@ -69,11 +70,12 @@ def check_effects(
         InvalidConfig: an effect is on an unknown questionnaire or scale, on a sub-scale, twice of
             one style on one scale, or those on one scale explain more than all of it.
     """
+    known = dict.fromkeys(questionnaire.original for questionnaire in questionnaires.values())
     for effect in effects:
-        if effect.questionnaire not in questionnaires:
+        if effect.questionnaire not in known:
             raise InvalidConfig(
                 f"The planted effect on {effect.scale} needs the questionnaire "
-                f"{effect.questionnaire!r}; the study has {', '.join(questionnaires) or 'none'}."
+                f"{effect.questionnaire!r}; the study has {', '.join(known) or 'none'}."
             )
     for questionnaire in questionnaires.values():
         effects_on(questionnaire, effects)
@@ -89,7 +91,7 @@ def effects_on(
     """
     by_scale: dict[str, list[PlantedEffect]] = {scale: [] for scale in trait_scales(questionnaire)}
     for effect in effects:
-        if effect.questionnaire != questionnaire.key:
+        if effect.questionnaire != questionnaire.original:
             continue
         if effect.scale_key not in by_scale:
             raise InvalidConfig(

@@ -115,11 +115,15 @@ def _check(protocol: StudyProtocol, questionnaires: Mapping[str, Questionnaire])
                     allowed += f"{QUESTIONNAIRES}/{key}.toml beside {PROTOCOL_FILE}"
                     raise InvalidValue(f"phases[{number}].{name}[{index}]", key, allowed)
                 if (spoken := questionnaires[key].language) != protocol.language:
+                    other = f"{key}_{protocol.language}"
+                    if other not in questionnaires:
+                        other = (
+                            f"{QUESTIONNAIRES}/{other}.toml with language = {protocol.language!r}"
+                        )
                     allowed = (
                         f"a questionnaire in the protocol's language ({protocol.language!r}); it is "
                         f"in {spoken!r}: ask a translation under another key, such as "
-                        f"{QUESTIONNAIRES}/{key}_{protocol.language}.toml with language = "
-                        f"{protocol.language!r}, or set the protocol's language to {spoken!r}"
+                        f"{other}, or set the protocol's language to {spoken!r}"
                     )
                     raise InvalidValue(f"phases[{number}].{name}[{index}]", key, allowed)
 

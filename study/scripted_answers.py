@@ -96,7 +96,8 @@ class ScriptedRespondent:
     """A scripted participant's answers.
 
     They depend on (seed, name, questionnaire, phase) alone, never on the order of calls, so a
-    study that is interrupted and resumed has the answers it would have had.
+    study that is interrupted and resumed has the answers it would have had. A translation has those
+    to what it translates.
     """
 
     name: str
@@ -114,9 +115,9 @@ class ScriptedRespondent:
             success: of the condition that the questionnaire is about, from 0 to 1.
         """
         traits = draw_traits(
-            questionnaire, self.style, self._rng("traits", questionnaire.key), model=self.model
+            questionnaire, self.style, self._rng("traits", questionnaire.original), model=self.model
         )
-        rng = self._rng("answers", questionnaire.key, phase)
+        rng = self._rng("answers", questionnaire.original, phase)
         return answers(
             questionnaire, self.style, rng, model=self.model, traits=traits, success=success
         )
@@ -196,7 +197,7 @@ def answers(
             trait = rng.standard_normal() if scale is None else traits[scale]
             value = _on_scale(item.format, trait, size, model, rng, backwards=backwards)
         else:
-            value = _fact(questionnaire.key, item, rng)
+            value = _fact(questionnaire.original, item, rng)
         if value is not None:
             given[item.id] = questionnaire.check(item.id, value)
     return questionnaire.counted(given)
@@ -242,7 +243,7 @@ def _on_occasion(
     return {
         scale: sqrt(model.stability) * trait
         + sqrt(1.0 - model.stability) * rng.standard_normal()
-        + shift.get(f"{questionnaire.key}.{scale}", 0.0) * (success - 0.5)
+        + shift.get(f"{questionnaire.original}.{scale}", 0.0) * (success - 0.5)
         for scale, trait in traits.items()
     }
 

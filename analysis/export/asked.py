@@ -1,5 +1,6 @@
 """Variables and values of everything that a study asks: items, and the scores of scales."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -19,11 +20,14 @@ class Place:
     Attributes:
         prefix: begins the names of its columns: nothing for a questionnaire that is asked once, the
             condition for one that follows each condition, else the phase.
+        name: of the questionnaire in those names: a translation has that of what it translates, so
+            that studies in two languages have the same columns, unless this study asks several of them.
     """
 
     asking: Asking
     questionnaire: Questionnaire
     prefix: tuple[str, ...]
+    name: str
 
     @property
     def about(self) -> str:
@@ -52,6 +56,8 @@ def places(study: WholeStudy) -> list[Place]:
     """Every questionnaire in every place, in the order in which they are asked."""
     alone = [one for one in study.asked if one.condition is None]
     several = len(study.teach_phases) > 1
+    keys = {one.questionnaire for one in study.asked}
+    languages = Counter(study.questionnaires[key].original for key in keys)
     found: list[Place] = []
     for one in study.asked:
         again = sum(other.questionnaire == one.questionnaire for other in alone) > 1
@@ -59,9 +65,9 @@ def places(study: WholeStudy) -> list[Place]:
             prefix = (one.phase, one.condition) if several else (one.condition,)
         else:
             prefix = (one.phase,) if again else ()
-        found.append(
-            Place(asking=one, questionnaire=study.questionnaires[one.questionnaire], prefix=prefix)
-        )
+        asked = study.questionnaires[one.questionnaire]
+        name = asked.original if languages[asked.original] == 1 else asked.key
+        found.append(Place(asking=one, questionnaire=asked, prefix=prefix, name=name))
     return found
 
 
@@ -113,7 +119,7 @@ def item_variable(place: Place, item: Item) -> Variable:
         case FreeText():
             kind = "text"
     return Variable(
-        name=column_name(*place.prefix, place.questionnaire.key, item.id),
+        name=column_name(*place.prefix, place.name, item.id),
         label=item.text + _attention(item) + place.about,
         kind=kind,
         measure=measure,
@@ -138,7 +144,7 @@ def score_variable(place: Place, scale: Scale) -> Variable:
     low, high = place.questionnaire.score_range(scale.key)
     turned = f"; reversed: {', '.join(scale.reversed)}" if scale.reversed else ""
     return Variable(
-        name=column_name(*place.prefix, place.questionnaire.key, scale.key, "score"),
+        name=column_name(*place.prefix, place.name, scale.key, "score"),
         label=f"{scale.title}, {scale.how} of {len(scale.items)} items{turned}{place.about}",
         kind="number",
         measure="scale",

@@ -153,10 +153,9 @@ def column_name(*parts: str) -> str:
 
     A name that is too long ends in a hash of the whole of it.
     """
-    whole = re.sub(r"[^A-Za-z0-9_]", "_", "_".join(part for part in parts if part))
+    whole = re.sub(r"[^A-Za-z0-9_]", "_", "_".join(part for part in parts if part)).rstrip("_")
     if not whole[:1].isalpha() or whole.lower() in _RESERVED:
-        whole = f"x_{whole}"
-    whole = whole.rstrip("_") or "x"
+        whole = f"x_{whole}".rstrip("_")
     if len(whole) > LONGEST_NAME:
         whole = f"{whole[: LONGEST_NAME - 9]}_{sha256(whole.encode()).hexdigest()[:8]}"
     return whole

@@ -34,6 +34,7 @@ from steerlab.study.store.records import Attempt, AttemptStatus
 from steerlab.study.store.teaching import read_teaching_rounds
 from steerlab.study.study_folder import FrozenPlan, OpenStudy
 from steerlab.study.surveys.answer_format import InvalidAnswer, Value
+from steerlab.study.surveys.questionnaire import Questionnaire
 from steerlab.study.surveys.scoring import score
 
 
@@ -107,7 +108,7 @@ def _read(study: OpenStudy) -> StudyData:
         simulated=simulated,
         people=people,
         series=series,
-        questionnaires=study.questionnaires,
+        questionnaires=_with_translations(study, participants, notices),
         flagged=_flagged(study, counted),
         conditions=(
             *_taught_rounds(study, people),
@@ -123,6 +124,25 @@ def _read(study: OpenStudy) -> StudyData:
         conduct=conduct_of(study, counted, scripted),
         notices=tuple(notices),
     )
+
+
+def _with_translations(
+    study: OpenStudy, participants: Sequence[ParticipantProgress], notices: list[str]
+) -> dict[str, Questionnaire]:
+    """The questionnaires; one that was asked in an unvalidated translation is unvalidated too."""
+    known = dict(study.questionnaires)
+    phases = [phase for one in participants for phase, _ in _questionnaire_phases(one)]
+    asked = {key for phase in phases for key in phase.questionnaires}
+    translations = [known[key] for key in sorted(asked) if known[key].translates]
+    for one in translations:
+        if one.unvalidated:
+            known[one.original] = replace(known[one.original], unvalidated=True)
+    if translations:
+        notices.append(
+            f"Answers to a translation are reported as answers to what it translates: "
+            f"{', '.join(one.key for one in translations)}."
+        )
+    return known
 
 
 def changed_files(study: OpenStudy) -> list[str]:
@@ -230,7 +250,8 @@ def _answers_about_themselves(
 ) -> dict[str, dict[str, Value]]:
     """Answers by questionnaire and item, of all questionnaires that are not about a condition.
 
-    A page that is not finished, or open again, has no answers yet: they may still be changed.
+    Those to a translation are under the key of what it translates. A page that is not finished, or
+    open again, has no answers yet: they may still be changed.
 
     Args:
         notices: answers that had to be left out are appended.
@@ -240,7 +261,8 @@ def _answers_about_themselves(
         if phase.condition is None:
             given = answers_of(study, participant, phase.id) if done else {}
             for key in phase.questionnaires:
-                answers[key] = allowed_answers(study, participant, key, given.get(key, {}), notices)
+                allowed = allowed_answers(study, participant, key, given.get(key, {}), notices)
+                answers[study.questionnaires[key].original] = allowed
     return answers
 
 
@@ -259,7 +281,7 @@ def _scores_after_conditions(
                 ConditionValue(
                     person=participant.view.id,
                     condition=phase.condition,
-                    metric=f"{key}.{scale}",
+                    metric=f"{study.questionnaires[key].original}.{scale}",
                     value=scored.score,
                     position=participant.view.order.index(phase.condition),
                 )

@@ -3,7 +3,6 @@
 import os
 import shutil
 import tempfile
-import time
 from collections.abc import Generator, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
@@ -11,12 +10,11 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from steerlab.sim.files.refusal import ran_out
+from steerlab.sim.files.shared_folder import entries_of
 
 _PREFIX, _SUFFIX = ".", ".part"
-_OWNER, _OWNED = "owner.lock", "owned"  # the second is there once the first is locked
-_UNLOCKED_S = (
-    3600.0  # a workspace is locked as soon as it is made, unless its maker died in between
-)
+_OWNER = "owner.lock"
+_TRIES = 20  # of workspaces that others took for abandoned before they were locked
 
 
 @contextmanager
@@ -51,43 +49,63 @@ def workspace(path: Path) -> Generator[Path]:
     """
     for left in abandoned(path):
         shutil.rmtree(left, ignore_errors=True)
-    room = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{path.name}-", suffix=_SUFFIX, dir=path.parent))
-    lock = _lock(room)
+    room, lock = _owned_room(path)
     try:
-        try:
-            lock.acquire()
-        except (OSError, NotImplementedError) as error:  # no locks here: then it is never removed
-            if isinstance(error, OSError) and ran_out(error):
-                raise
-        (room / _OWNED).touch()
         yield room
     finally:
         lock.release()
         shutil.rmtree(room, ignore_errors=True)  # Windows deletes no file that is still open
 
 
+def _owned_room(path: Path) -> tuple[Path, FileLock]:
+    """A new folder and its lock, which is held: whoever can lock a workspace may remove it."""
+    for left in reversed(range(_TRIES)):
+        room = Path(
+            tempfile.mkdtemp(prefix=f"{_PREFIX}{path.name}-", suffix=_SUFFIX, dir=path.parent)
+        )
+        made, lock = room.stat().st_ino, _lock(room)
+        try:
+            lock.acquire()
+        except Timeout:  # somebody is about to remove it
+            if not left:
+                shutil.rmtree(room, ignore_errors=True)
+                raise
+        except (OSError, NotImplementedError) as error:  # no locks here: then it is never removed
+            if isinstance(error, OSError) and ran_out(error):
+                shutil.rmtree(room, ignore_errors=True)
+                raise
+            if room.is_dir():
+                return room, lock
+        if lock.is_locked:
+            with suppress(FileNotFoundError):
+                if room.stat().st_ino == made:
+                    return room, lock
+            lock.release()
+            shutil.rmtree(room, ignore_errors=True)
+    raise FileNotFoundError(f"Every workspace beside {path} was removed at once.")
+
+
 def abandoned(path: Path) -> Iterator[Path]:
-    """Workspaces for ``path`` whose owners are gone."""
+    """Workspaces for ``path`` whose owners are gone; each is locked while it is looked at."""
     start = f"{_PREFIX}{path.name}-"
     with suppress(OSError):  # whoever writes there will say it
         for room in sorted(path.parent.iterdir()):
             ours = room.name.startswith(start) and room.name.endswith(_SUFFIX)
             # Further dashes and dots would belong to another file: `.a-b-xyz.part` is of `a-b`.
             unique = room.name[len(start) : -len(_SUFFIX)]
-            if ours and "-" not in unique and "." not in unique and _is_abandoned(room):
+            if not ours or "-" in unique or "." in unique:
+                continue
+            lock = _lock(room)
+            try:
+                lock.acquire()
+            except (Timeout, OSError, NotImplementedError):
+                continue
+            try:
                 yield room
-
-
-def _is_abandoned(room: Path) -> bool:
-    if not (room / _OWNED).is_file():  # a look at its lock now could be taken for the owner's
-        return time.time() - room.stat().st_mtime > _UNLOCKED_S
-    lock = _lock(room)
-    try:
-        lock.acquire()
-    except (Timeout, OSError, NotImplementedError):
-        return False
-    lock.release()
-    return True
+            finally:
+                lock.release()
+            if not any(path for path in entries_of(room) if path.name != _OWNER):
+                shutil.rmtree(room, ignore_errors=True)  # Windows could not while it was locked
 
 
 def _lock(room: Path) -> FileLock:

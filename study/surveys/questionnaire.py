@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from hashlib import sha256
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from steerlab.sim.errors import InvalidValue, check_words
 from steerlab.study.surveys.answer_format import (
@@ -25,6 +25,7 @@ Order = Literal["fixed", "random"]
 
 _KEY = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _KEY_WORDS = "lower-case letters, digits and underscores, starting with a letter"
+_SAID = ("title", "text", "anchors", "low_label", "high_label", "unit")
 
 
 class UnknownItem(InvalidAnswer):
@@ -123,7 +124,8 @@ class Questionnaire:
         items: in the order of the file, in which they are shown unless ``order`` is random.
         scales: may share items; a questionnaire of facts has none.
         order: random draws one for each participant (``study.item_orders``).
-        language: of every word in it.
+        language: of every word that participants read in it.
+        translates: key of the questionnaire that it has in another language; empty if it is none.
     """
 
     key: str
@@ -137,6 +139,7 @@ class Questionnaire:
     scales: tuple[Scale, ...] = ()
     order: Order = "fixed"
     language: Language = "en"
+    translates: str = ""
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.key):
@@ -164,6 +167,17 @@ class Questionnaire:
                 raise InvalidValue(key, scale.key, "another one: it is taken")
             keys.add(scale.key)
             _check_scale(scale, {item.id: item for item in self.items}, f"scales[{index}]")
+
+    @property
+    def original(self) -> str:
+        """Key of what it translates, or its own: answers to both are answers to one instrument."""
+        return self.translates or self.key
+
+    @property
+    def form(self) -> object:
+        """All of it that is no word: equal in a questionnaire and its translations."""
+        kinds = [item.kind for item in self.items]
+        return kinds, self.order, _wordless([asdict(one) for one in (*self.items, *self.scales)])
 
     def item(self, item: str) -> Item:
         """The item of that id.
@@ -237,7 +251,7 @@ class Questionnaire:
         """
         values = {**asdict(self), "kinds": [item.kind for item in self.items]}
         for table, later in (
-            (values, {"order": "fixed", "language": "en"}),
+            (values, {"order": "fixed", "language": "en", "translates": ""}),
             *((item, {"shown_if": None, "attention": None}) for item in values["items"]),
         ):
             for key, default in later.items():
@@ -256,6 +270,12 @@ def bounds(item: Item) -> tuple[int, int]:
     if not isinstance(item.format, (Likert, Slider)):
         raise InvalidValue("kind", item.kind, f"likert or slider: {item.id!r} is on a scale")
     return item.format.low, item.format.high
+
+
+def _wordless(values: Any) -> Any:
+    if isinstance(values, dict):
+        return {key: _wordless(value) for key, value in values.items() if key not in _SAID}
+    return [_wordless(value) for value in values] if isinstance(values, (list, tuple)) else values
 
 
 def _check_branch(items: tuple[Item, ...], index: int) -> None:

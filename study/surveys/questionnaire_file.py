@@ -41,8 +41,8 @@ def all_questionnaires(folder: Path | None = None) -> dict[str, Questionnaire]:
         folder: holds one ``<key>.toml`` for each of the study's own; None for the shipped alone.
 
     Raises:
-        InvalidConfig: a file is wrong, or brings a key that a shipped questionnaire has: a study
-            never changes a known instrument under its name.
+        InvalidConfig: a file is wrong, translates what it does not have the form of, or brings a key
+            that a shipped questionnaire has: a study never changes a known instrument under its name.
     """
     questionnaires = shipped_questionnaires()
     ours: set[str] = set()
@@ -56,6 +56,8 @@ def all_questionnaires(folder: Path | None = None) -> dict[str, Questionnaire]:
                 f"file and key another name, such as {path.stem}_ours."
             )
         questionnaires[path.stem] = questionnaire_from_toml(utf8_text(path), str(path))
+    for key in sorted(ours):
+        _check_translation(questionnaires[key], questionnaires)
     return questionnaires
 
 
@@ -91,6 +93,22 @@ def questionnaire_from_toml(text: str, file: str) -> Questionnaire:
         if questionnaire.key != name:  # so that no folder holds a key twice
             raise InvalidValue("key", questionnaire.key, f"{name!r}, as the file is named")
     return questionnaire
+
+
+def _check_translation(one: Questionnaire, known: Mapping[str, Questionnaire]) -> None:
+    if not one.translates:
+        return
+    original = known.get(one.translates)
+    if original is None or original.translates or original.language == one.language:
+        raise InvalidConfig(
+            f"{one.key} translates {one.translates!r}; name a questionnaire in another language "
+            f"than {one.language!r} that is no translation itself."
+        )
+    if original.form != one.form:
+        raise InvalidConfig(
+            f"{one.key} translates {one.translates!r}, and differs from it in more than words; give "
+            f"it the same items, answers and scales, or leave translates out."
+        )
 
 
 def _with_items(values: dict[str, Any]) -> dict[str, Any]:

@@ -259,7 +259,9 @@ def test_a_studys_own_questionnaire_is_answered_too():
         (lambda: effects_on(MINI_IPIP, [_effect(), _effect(0.1)]), "keep one"),
         (lambda: effects_on(MINI_IPIP, [_effect(0.8), _effect(0.8, style="delay")]), "1.28"),
         (
-            lambda: check_effects([_effect(scale="mini_ipip_7.openness")], {"trust": None}),
+            lambda: check_effects(
+                [_effect(scale="mini_ipip_7.openness")], {"trust": SHIPPED["trust"]}
+            ),
             "needs the questionnaire 'mini_ipip_7'; the study has trust",
         ),
     ],

@@ -79,7 +79,7 @@ def test_the_codes_are_those_that_people_know():
         items=(item,),
     )
     asking = Asking(phase="pre", condition=None, questionnaire="cold")
-    asked = item_variable(Place(asking=asking, questionnaire=cold, prefix=()), item)
+    asked = item_variable(Place(asking=asking, questionnaire=cold, prefix=(), name="cold"), item)
     assert [asked.missing_codes[reason] for reason in Missing] == [-999, -998, -997]
     assert (asked.unit, asked.source.version, asked.low) == ("°C", 2, -99)
 

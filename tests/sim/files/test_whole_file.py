@@ -1,6 +1,7 @@
 """Files that are whole or not there, and what is waited for."""
 
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -67,20 +68,34 @@ def test_what_a_killed_writer_left_is_removed_by_the_next_one_for_the_same_file(
     assert left[0].startswith(".a.txt-b-")
 
 
-def test_a_workspace_that_is_only_just_made_is_nobodys_to_remove(tmp_path, monkeypatch):
-    """Its lock's file is there a moment before it is locked."""
-    path, real, looked = tmp_path / "a.txt", files.FileLock.acquire, []
+def test_a_workspace_that_is_taken_before_it_is_locked_is_made_again(tmp_path, monkeypatch):
+    """Its lock's file is there a moment before it is locked, and another program may come by."""
+    path, real, taken = tmp_path / "a.txt", files.FileLock.acquire, []
 
     def acquire(lock, *arguments):
-        Path(lock.lock_file).touch()
-        looked.append(list(files.abandoned(path)))
+        if len(taken) < 2:  # the other program's own lock is the second
+            taken.append(lock)
+            for room in files.abandoned(path) if len(taken) == 1 else ():
+                shutil.rmtree(room)
         return real(lock, *arguments)
 
     monkeypatch.setattr(files.FileLock, "acquire", acquire)
     with whole_file(path) as part:
         part.write_text("new")
-    assert looked == [[]]
+    assert len(taken) == 2
     assert path.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("names", [(), ("owner.lock",), ("a.txt",), ("owner.lock", "a.txt")])
+def test_what_is_left_when_a_removal_was_cut_off_is_removed_by_the_next(tmp_path, names):
+    room = tmp_path / ".a.txt-x_1.part"
+    room.mkdir()
+    for name in names:
+        (room / name).touch()
+    with whole_file(tmp_path / "a.txt") as part:
+        part.write_text("new")
+    assert list(tmp_path.iterdir()) == [tmp_path / "a.txt"]
 
 
 def _fail(path: Path, error: BaseException) -> None:

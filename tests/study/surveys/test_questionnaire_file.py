@@ -215,7 +215,7 @@ def test_a_study_replaces_no_shipped_instrument(tmp_path: Path):
 
 @pytest.mark.parametrize("key", ["mine", "../trust", "/etc/passwd", "", "Trust", "trust.toml"])
 def test_a_key_that_is_none_is_answered_with_those_there_are(key, tmp_path: Path):
-    with pytest.raises(InvalidConfig, match=r"choose one of demographics, experience_driving, .*"):
+    with pytest.raises(InvalidConfig, match=r"choose one of demographics, demographics_de, .*"):
         load_questionnaire(key, tmp_path)
 
 
