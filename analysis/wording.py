@@ -9,12 +9,18 @@ _NARROW_SPACE = "\u202f"  # between a number and its unit; does not break
 _NO_BREAK = "\u00a0"
 _CEILINGS = ("true_style",)  # told the true style: not a method one could use
 _PRETRAINED = ("sim_pretrained", "sim_pretrained_context")  # not simpler: it knows simulated people
-_SAME = ("mind_meld_paper",)  # other settings, not another method
+_SAME = (
+    "mind_meld_paper",
+    "mind_meld_paper_text",
+    "auto",
+    "no_labels",
+)  # no simpler methods of mapping labels
 _TIE = 0.01
 _CI = f"95{_NARROW_SPACE}% CI"
 
 _METHODS = {
     "identity": "labels as given",
+    "no_labels": "the car's motion alone, no labels",
     "shared_gain": "one gain for all",
     "person_gain": "a gain per person",
     "person_gain_lag": "a gain and lag per person",
@@ -24,10 +30,12 @@ _METHODS = {
     "mean_embedding": "MIND MELD with one embedding for all",
     "shuffled_embedding": "MIND MELD with shuffled embeddings",
     "mind_meld": "MIND MELD",
-    "mind_meld_paper": "MIND MELD, the paper's settings",
+    "mind_meld_paper": "MIND MELD, the authors' settings",
+    "mind_meld_paper_text": "MIND MELD, the paper's text",
     "eb_nonlinear": "a window per person, learned prior",
     "sim_pretrained": "pre-trained on simulated people",
     "sim_pretrained_context": "pre-trained, with the car's motion",
+    "auto": "a blend chosen on held-out labels (auto)",
     "true_style": "network told the true style",
 }
 _LEARNERS = {
@@ -155,6 +163,16 @@ def comparison(summary: Summary) -> str:
         sentences.append(
             f"A mapper pre-trained on simulated people, which goes beyond the paper, removed "
             f"{percent(labels_only)}{also}."
+        )
+    if (blended := improvement.get("auto")) is not None:
+        sentences.append(
+            f"What to use here is auto, a blend that is chosen on held-out labels: it removed "
+            f"{percent(blended)}."
+        )
+    if (motion := improvement.get("no_labels")) is not None and with_motion is not None:
+        sentences.append(
+            f"The car’s motion alone, without any label, removes {percent(motion)}: the robot "
+            f"gives so much of the truth away, and what reads the motion gains from that too."
         )
     return " ".join(sentences)
 

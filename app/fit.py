@@ -31,6 +31,7 @@ from steerlab.learning.label_table import LabelScale, LabelTable, label_table
 from steerlab.learning.presets import preset
 from steerlab.learning.splits import FoldPlan, plan_folds
 from steerlab.learning.training_budget import fit_within_budget
+from steerlab.learning.windows import WindowConfig
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.files.output_folder import output_folder
@@ -51,6 +52,7 @@ class FitConfig:
     seed: int = 0
     limit: float = WHEEL_LIMIT
     rate_hz: float | None = None
+    gain: float | None = None
 
     def __post_init__(self) -> None:
         for name, least in (("folds", 2), ("seed", 0)):
@@ -63,12 +65,12 @@ class FitConfig:
             raise InvalidConfig(
                 f"ladder is {self.ladder!r}; choose one of {', '.join(get_args(Ladder))}."
             )
-        self.scale  # noqa: B018  checks limit and rate
+        self.scale  # noqa: B018  checks limit, rate and gain
 
     @property
     def scale(self) -> LabelScale:
-        """Range and rate of the labels."""
-        return LabelScale(limit=self.limit, rate_hz=self.rate_hz)
+        """Range and rate of the labels; gain of what was tracked."""
+        return LabelScale(limit=self.limit, rate_hz=self.rate_hz, gain=self.gain)
 
 
 def fit(
@@ -93,7 +95,7 @@ def fit(
         table = label_table(read_label_columns(labels), config.scale)
         progress("reading labels", 1.0)
         plan = plan_folds(table, config.folds, config.seed)
-        too_short = _too_short(plan, preset(config.preset).window.half_width_s)
+        too_short = _too_short(plan, preset(config.preset).window)
         read_s = perf_counter() - started
         result = cross_validate(
             plan,
@@ -178,16 +180,16 @@ def mapped_table(table: LabelTable, result: CrossValidation) -> pa.Table:
     )
 
 
-def _too_short(plan: FoldPlan, half_width_s: float) -> list[str]:
+def _too_short(plan: FoldPlan, window: WindowConfig) -> list[str]:
     """A sentence if rollouts that are scored have fewer valid labels than a window has room for."""
     scored = [one for fold in plan.folds for one in (*fold.held_out_seen, *fold.held_out_new)]
-    short = [one for one in scored if one.valid.sum() < 2.0 * half_width_s * one.rate_hz]
+    short = [one for one in scored if one.valid.sum() < 2.0 * window.reach_steps(one.rate_hz)]
     if not short:
         return []
     fewest = min(short, key=lambda one: int(one.valid.sum()))
     return [
         f"{len(short)} of {len(scored)} held-out rollouts have fewer valid labels than MIND MELD's "
-        f"window of {2.0 * half_width_s:g} s has steps ({fewest.rollout!r} of {fewest.person!r}: "
+        f"window of {window.span} has room for ({fewest.rollout!r} of {fewest.person!r}: "
         f"{int(fewest.valid.sum())} at {fewest.rate_hz:g} Hz). What was removed there says little; "
         f"record longer rollouts."
     ]

@@ -38,6 +38,8 @@ def sample_teachers(config: TeachConfig) -> list[Person]:
     """The people who teach; those before do not change when their number grows."""
     if config.family == "scripted" or config.population == "wide":
         return [*_sample(config, config.teachers, prefix="test")]
+    if config.family == "sparse":
+        return [*sample_population("sparse", config.teachers, config.seed, prefix="test-sparse")]
     family: OutOfFamilyKind = config.family
     return [
         *sample_out_of_family(
@@ -109,10 +111,8 @@ def check_window(mapper: MindMeldMapper, path: Path) -> None:
     found, wanted = mapper.config.window, LAB.window
     if found != wanted:
         raise InvalidConfig(
-            f"{path} was trained on a window of ±{found.half_width_s:g} s at {found.rate_hz:g} Hz, "
-            f"look-ahead {found.look_ahead_s}; whole drives are mapped here with ±"
-            f"{wanted.half_width_s:g} s at {wanted.rate_hz:g} Hz and no limit. Give a mapper of "
-            "`steerlab simulate` or `fit`, or leave --mapper out."
+            f"{path} was trained on a window of {found}; whole drives are mapped here with "
+            f"{wanted}. Give a mapper of `steerlab simulate` or `fit`, or leave --mapper out."
         )
 
 

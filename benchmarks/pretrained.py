@@ -2,7 +2,7 @@
 
 Without a part only speed is measured, on one thread. ``--quality`` adds the study of 34 + 34
 scripted people on population seeds 0-4 (tuning used 100-119 only), ``--unusual`` teachers outside
-the simulated family, ``--ceiling`` trains the network that is told each teacher's true parameters.
+the simulated family.
 """
 
 import sys
@@ -20,9 +20,7 @@ from steerlab.learning.baselines.ridge import PersonRidgeMapper
 from steerlab.learning.empirical_bayes.mapper import EmpiricalBayesMapper
 from steerlab.learning.label_quality import mapper_quality
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
-from steerlab.learning.pretrained.ceiling import CEILING_RANGES, CeilingMapper
 from steerlab.learning.pretrained.mapper import SimPretrainedMapper
-from steerlab.learning.pretrained.train import PretrainConfig, pretrain
 from steerlab.learning.probe import style_parameters
 from steerlab.learning.series import series_from_table
 from steerlab.learning.splits import StudySplit, split_rollouts, split_study
@@ -152,29 +150,6 @@ def unusual_study(quirk: QuirkKind, kind: PopulationKind, seed: int) -> Figures:
     return figures
 
 
-def ceiling(seeds: tuple[int, ...] = SEEDS) -> None:
-    """Print what the network reaches that is told each teacher's true parameters."""
-    model = pretrain(0, PretrainConfig(known_style=True, ranges=CEILING_RANGES))
-    for kind in LEAST:
-        studies: list[Figures] = []
-        for seed in seeds:
-            seen, new = sample_people(kind, seed)
-            split = study_split((seen, new))
-            figures: Figures = {}
-            for context in (False, True):
-                styles = {one.name: one.style for one in (*seen, *new)}
-                mapper = CeilingMapper(model, styles, context=context)
-                mapper.fit(split.train_seen)
-                mapper.calibrate(split.calibrate_new)
-                for part in ("seen", "new"):
-                    found = mapper_quality(
-                        mapper, getattr(split, f"held_out_{part}"), np.random.default_rng(seed)
-                    )
-                    figures[f"{mapper.name} {part}"] = found.improvement
-            studies.append(figures)
-        print_figures(kind, studies)
-
-
 def sample_people(
     kind: PopulationKind, seed: int
 ) -> tuple[list[ScriptedTeacher], list[ScriptedTeacher]]:
@@ -247,6 +222,4 @@ if __name__ == "__main__":
         rows += quality()
     if "--unusual" in sys.argv[1:]:
         rows += unusual()
-    if "--ceiling" in sys.argv[1:]:
-        ceiling()
     raise SystemExit(print_rows(rows))

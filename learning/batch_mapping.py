@@ -12,6 +12,7 @@ from steerlab.learning.baselines.ablations import (
     ShuffledEmbeddingMapper,
     TrueStyleMapper,
 )
+from steerlab.learning.baselines.auto import AutoMapper
 from steerlab.learning.calibration import encode
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
 from steerlab.learning.pretrained.mapper import SimPretrainedMapper
@@ -33,7 +34,21 @@ def map_in_chunks(
     """
     for chunk in _chunks(series):
         windows = _SharedWindows(chunk)
-        yield chunk, {name: _map(mapper, windows) for name, mapper in mappers.items()}
+        mapped = {
+            name: _map(mapper, windows)
+            for name, mapper in mappers.items()
+            if not isinstance(mapper, AutoMapper)
+        }
+        for name, mapper in mappers.items():
+            if isinstance(mapper, AutoMapper):
+                parts = {
+                    one: mapped.get(one) or _map(by, windows) for one, by in mapper.mappers.items()
+                }
+                mapped[name] = [
+                    mapper.blend({one: parts[one][row] for one in parts})
+                    for row in range(len(chunk))
+                ]
+        yield chunk, mapped
 
 
 class _SharedWindows:

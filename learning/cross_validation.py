@@ -1,6 +1,6 @@
 """Fit and score fold by fold; pool what was predicted for labels that were held out."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
@@ -8,18 +8,17 @@ from time import perf_counter
 import numpy as np
 
 from steerlab.learning.baselines import fit_baselines, left_out
+from steerlab.learning.baselines.auto import AutoMapper, Choice
 from steerlab.learning.batch_mapping import map_in_chunks
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.label_quality import LabelQuality, LabelSums
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
-from steerlab.learning.presets import PAPER, MapperConfig
+from steerlab.learning.presets import MapperConfig
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.splits import FoldPlan, StudySplit, some_names
 from steerlab.learning.training_budget import (
     MOST_TRAINING_LABELS,
     fit_long_enough,
-    valid_labels,
-    with_enough_steps,
     within_budget,
 )
 from steerlab.sim.arrays import FloatArray
@@ -84,6 +83,8 @@ def cross_validate(
     predictions: list[Prediction] = []
     seconds = {"fit": 0.0, "calibrate": 0.0, "ladder": 0.0, "score": 0.0}
     unlike: set[str] = set()
+    unseen: set[str] = set()
+    choices: list[Choice] = []
     mapper: MindMeldMapper | None = None
     budgets = [within_budget(fold.train_seen, seed, most_labels) for fold in plan.folds]
     folds = [
@@ -109,9 +110,11 @@ def cross_validate(
             seed=seed,
             on_step=partial(progress, f"rival mappers, {name}"),
             without=without,
-            paper=with_enough_steps(PAPER, valid_labels(fold.train_seen)),
         )
         built = perf_counter()
+        if isinstance(auto := baselines.get("auto"), AutoMapper):
+            choices.append(auto.choice)
+            unseen |= set(auto.unlike(list({one.person: 0 for one in fold.train_seen})))
         predictions += _score(baselines, fold, number, sums, partial(progress, f"scoring, {name}"))
         seconds["fit"] += fitted - started
         seconds["calibrate"] += calibrated - fitted
@@ -136,6 +139,8 @@ def cross_validate(
         notices=(
             *next((budget.notices for budget in budgets if budget.notices), ()),
             *_unlike_notice(unlike),
+            *_choice_notice(choices),
+            *_unseen_notice(unseen),
         ),
     )
 
@@ -163,6 +168,33 @@ def _score(
             ]
             on_share(len(predictions) / count)
     return predictions
+
+
+def _choice_notice(choices: Sequence[Choice]) -> tuple[str, ...]:
+    """What ``auto`` blends, on average over the folds, and why."""
+    if not choices:
+        return ()
+    mean = {name: 0.0 for choice in choices for name in choice.weights}
+    for choice in choices:
+        for name, weight in choice.weights.items():
+            mean[name] += weight / len(choices)
+    parts = [f"{weight:.0%} {name}" for name, weight in sorted(mean.items(), key=lambda x: -x[1])]
+    each = "each fold chooses for itself; " if len(choices) > 1 else ""
+    left = {name: why for choice in choices for name, why in choice.left_out.items()}
+    without = [f" It did without {name}: {why}" for name, why in left.items()]
+    return (
+        f"auto, the mapper to use here, blends {', '.join(parts)} ({each}the last: "
+        f"{choices[-1]}).{''.join(without)}",
+    )
+
+
+def _unseen_notice(people: set[str]) -> tuple[str, ...]:
+    if not people:
+        return ()
+    return (
+        f"{some_names(sorted(people))}: labels or truths unlike any that sim_pretrained was taught "
+        f"with, so it may do worse for them than its figures elsewhere say.",
+    )
 
 
 def _unlike_notice(people: set[str]) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.series import CONTEXT
+from steerlab.learning.tracking import TRACKING, TrackingColumns, numbered_steps
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import shown
 from steerlab.sim.files.reading import reading
@@ -19,6 +20,7 @@ IntArray = NDArray[np.int64]
 REQUIRED = ("person", "rollout", "step", "label", "truth")
 SPLITS = ("train", "heldout", "new_calibration", "new_test")
 _OUR_NAMES = {"participant": "person", "teacher_label": "label", "oracle_label": "truth"}
+_TRACKING_NEEDS = ("person", "rollout", "step", *TRACKING)
 _KNOWN = (*REQUIRED, "t_s", "split", "attempt", "label_valid")
 _TEXT = ("person", "participant", "rollout", "split")
 
@@ -29,10 +31,13 @@ class LabelColumns:
 
     Attributes:
         person, rollout: indices into ``people`` and ``rollouts``, which are sorted.
-        label, truth: NaN where the file has none, and where ``label_valid`` is false.
+        label: of a tracking table the input. NaN where the file has none, and where
+            ``label_valid`` is false.
+        truth: NaN where the file has none; of a tracking table all NaN until its rate is known.
         place: where a row is in the file, in words.
         t_s: None without such a column.
         split: indices into ``SPLITS``; None without such a column.
+        tracking: what was to be tracked; None in a table of labels and truth.
         context: further numeric columns by name.
         notices: what was left out, in sentences for the report.
     """
@@ -47,12 +52,15 @@ class LabelColumns:
     place: Callable[[int], str]
     t_s: FloatArray | None = None
     split: IntArray | None = None
+    tracking: TrackingColumns | None = None
     context: dict[str, FloatArray] = field(default_factory=dict)
     notices: tuple[str, ...] = ()
 
 
 def read_label_columns(path: Path) -> LabelColumns:
     """Read a label file: the documented columns, or steerlab's own ``LABELLED_STEP_SCHEMA``.
+
+    A tracking table has ``reference``, ``disturbance`` and ``input`` in place of label and truth.
 
     Raises:
         InvalidLabels: the file cannot be read, lacks a column, or a column holds what it may not.
@@ -81,22 +89,19 @@ def _columns(file: TableFile) -> LabelColumns:
     names, path = file.columns, file.path
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise InvalidLabels(f"{path.name} has {twice[0]!r} under two names; drop one.")
-    if missing := [name for name in REQUIRED if name not in names]:
-        raise InvalidLabels(
-            f"{path.name} lacks the column{'s' if len(missing) > 1 else ''} {', '.join(missing)}; "
-            f"it has {shown(names) if names else 'none'}. A label table needs "
-            f"{', '.join(REQUIRED)}."
-        )
+    tracks = _tracks(names, path)
+    _check_columns(names, path, tracks=tracks)
     if file.table.num_rows == 0:
         raise InvalidLabels(f"{path.name} has columns but no rows; give it labels.")
     if "attempt" in names:
         file = _last_attempts(file)
     people, person = file.names("person")
     rollouts, rollout = file.names("rollout")
-    label = file.numbers("label")
+    label = file.numbers("input" if tracks else "label")
     if "label_valid" in names:
         label = np.where(file.flags("label_valid"), label, np.nan)
-    wanted = [name for name in names if name not in _KNOWN and (not ours or name in CONTEXT)]
+    known = (*_KNOWN, *TRACKING) if tracks else _KNOWN
+    wanted = [name for name in names if name not in known and (not ours or name in CONTEXT)]
     context, notices = _context(file, wanted)
     t_s = file.numbers("t_s") if "t_s" in names else None
     if t_s is not None and not np.isfinite(t_s).all():
@@ -104,20 +109,68 @@ def _columns(file: TableFile) -> LabelColumns:
         value = None if np.isnan(t_s[row]) else float(t_s[row])
         remedy = "it must be finite: fill the column, or drop it and give --rate-hz"
         raise file.wrong(row, "t_s", value, remedy)
+    if "step" in names or t_s is None:
+        step = file.whole("step")
+    else:
+        step = numbered_steps(t_s, person * len(rollouts) + rollout, file.place)
     return LabelColumns(
         people=people,
         rollouts=rollouts,
         person=person,
         rollout=rollout,
-        step=file.whole("step"),
+        step=step,
         label=label,
-        truth=file.numbers("truth"),
+        truth=np.full(len(label), np.nan) if tracks else file.numbers("truth"),
         t_s=t_s,
         split=_splits(file) if "split" in names else None,
+        tracking=_tracking(file) if tracks else None,
         context=context,
         place=file.place,
         notices=tuple(notices),
     )
+
+
+def _tracks(names: list[str], path: Path) -> bool:
+    """Whether this is a tracking table."""
+    labels = [name for name in ("label", "truth") if name in names]
+    if labels and "input" in names:
+        raise InvalidLabels(
+            f"{path.name} has both {labels[0]} and input; a table has label and truth, or "
+            f"{', '.join(TRACKING)}: drop or rename those that it is not about."
+        )
+    return not labels and any(name in names for name in TRACKING)
+
+
+def _check_columns(names: list[str], path: Path, *, tracks: bool) -> None:
+    needed = _TRACKING_NEEDS if tracks else REQUIRED
+    missing = [name for name in needed if name not in names]
+    if tracks and "t_s" in names:
+        missing = [name for name in missing if name != "step"]
+    if not missing:
+        return
+    needs = ", ".join(needed)
+    if tracks:
+        needs = needs.replace("step", "step or t_s")
+    raise InvalidLabels(
+        f"{path.name} lacks the column{'s' if len(missing) > 1 else ''} {', '.join(missing)}; "
+        f"it has {shown(names) if names else 'none'}. A {'tracking' if tracks else 'label'} table "
+        f"needs {needs}."
+    )
+
+
+def _tracking(file: TableFile) -> TrackingColumns:
+    found: dict[str, FloatArray] = {}
+    for name in ("reference", "disturbance"):
+        values = found[name] = file.numbers(name)
+        if np.isinf(values).any():
+            row = int(np.argmax(np.isinf(values)))
+            raise file.wrong(
+                row,
+                name,
+                float(values[row]),
+                "it must be finite; leave it empty where there is none",
+            )
+    return TrackingColumns(**found)
 
 
 def _last_attempts(file: TableFile) -> TableFile:

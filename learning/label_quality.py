@@ -154,6 +154,47 @@ def mapper_quality(
     return label_quality(person, raw, mapped, truth, rng)
 
 
+def two_way_ci95(
+    before: FloatArray, after: FloatArray, rng: np.random.Generator
+) -> tuple[float, float]:
+    """95 % interval of ``1 - sum(after) / sum(before)`` over other people *and* other drives.
+
+    People and drives are drawn independently, each with all of their labels, and a cell counts as
+    often as its person times its drive were drawn (the pigeonhole bootstrap: Owen, Annals of Applied
+    Statistics 1(2), 2007, which shows it to be a little too wide rather than too narrow).
+
+    Args:
+        before, after: (people, drives) summed errors of raw and of mapped labels; 0 in both where a
+            person was not scored on a drive. A draw that meets only such cells is left out.
+
+    Returns:
+        Percentiles 2.5 and 97.5 of ``RESAMPLES`` draws; NaN for one person or one drive.
+
+    Raises:
+        InvalidLabels: shapes differ, a sum is negative or not finite, or there is no error at all.
+    """
+    if before.ndim != 2 or before.shape != after.shape:
+        raise InvalidLabels(
+            f"before and after are {before.shape} and {after.shape}; give (people, drives) of both."
+        )
+    sums = np.stack([before, after])
+    if not (np.isfinite(sums).all() and (sums >= 0.0).all()):
+        raise InvalidLabels(
+            "A summed error is negative or not finite; give sums of |label - truth|."
+        )
+    if not before.any():
+        raise InvalidLabels("The raw labels equal the truth; no improvement is defined.")
+    people, drives = before.shape
+    if people < 2 or drives < 2:
+        return float("nan"), float("nan")
+    person = rng.multinomial(people, np.full(people, 1.0 / people), size=RESAMPLES)
+    drive = rng.multinomial(drives, np.full(drives, 1.0 / drives), size=RESAMPLES)
+    drawn = np.einsum("rp,spd,rd->sr", person, sums, drive, optimize=True)
+    drawn = drawn[:, drawn.any(axis=0)]
+    low, high = np.percentile(_improvement(*drawn), [2.5, 97.5], method="nearest")
+    return float(low), float(high)
+
+
 def _ratios(before: FloatArray, after: FloatArray) -> tuple[float, int]:
     """Sum of ``(|e| - |e'|) / |e|`` over labels with an error, and how many those are."""
     wrong = before > 0.0

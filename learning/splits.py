@@ -161,7 +161,7 @@ def _by_column(usable: list[tuple[LabelSeries, str | None]], notices: list[str])
     ):
         if both:
             raise InvalidLabels(f"split: {some_names(sorted(both))} is {why}.")
-    drive_of = _drives([drive for drive, _ in usable])
+    drive_of, mirrored = _joined([drive for drive, _ in usable])
     trained = {drive_of[one.rollout] for one in parts["train"]}
     held_out = [*parts["heldout"], *parts["new_test"]]
     if shared := sorted({one.rollout for one in held_out if drive_of[one.rollout] in trained}):
@@ -169,7 +169,7 @@ def _by_column(usable: list[tuple[LabelSeries, str | None]], notices: list[str])
             f"{some_names(shared)}: held out for some people, trained on by others, so its truth "
             f"is not new to the network; improvements may be flattered."
         )
-    notices += _same_truth(drive_of, "the split column says where each goes")
+    notices += _same_truth(drive_of, mirrored, "the split column says where each goes")
     only = StudySplit(
         train_seen=tuple(parts["train"]),
         held_out_seen=tuple(parts["heldout"]),
@@ -182,9 +182,9 @@ def _by_column(usable: list[tuple[LabelSeries, str | None]], notices: list[str])
 
 def _by_dealing(series: list[LabelSeries], count: int, seed: int, notices: list[str]) -> FoldPlan:
     people = list(dict.fromkeys(drive.person for drive in series))
-    drive_of = _drives(series)
+    drive_of, mirrored = _joined(series)
     rollouts = list(dict.fromkeys(drive_of.values()))
-    notices += _same_truth(drive_of, "they are held out together")
+    notices += _same_truth(drive_of, mirrored, "they are held out together")
     for what, names in (("people", people), ("rollouts", rollouts)):
         if len(names) < count:
             counted_once = what == "rollouts" and len(names) < len(drive_of)
@@ -223,45 +223,59 @@ def _by_dealing(series: list[LabelSeries], count: int, seed: int, notices: list[
     return FoldPlan(folds=folds, fit=tuple(series), notices=tuple(notices))
 
 
-def _drives(series: Sequence[LabelSeries]) -> dict[str, str]:
+def drive_names(series: Sequence[LabelSeries]) -> dict[str, str]:
     """For each rollout the first one that has the same truth: one drive under two names.
 
     Whoever trains on one of them has learned the truth of the other, so folds must not part them.
+    Mirror images, of which one truth is the negative of the other, are one drive for that reason.
     A truth that ends, or has a gap, where the other goes on is the same from ``_TELLING`` steps on.
     A constant one is nobody's in particular.
     """
+    return _joined(series)[0]
+
+
+def _joined(series: Sequence[LabelSeries]) -> tuple[dict[str, str], bool]:
+    """What ``drive_names`` gives, and whether some rollouts are one as mirror images."""
     drive_of = {drive.rollout: drive.rollout for drive in series}
     place = {rollout: number for number, rollout in enumerate(drive_of)}
+    mirrored = False
 
     def first(rollout: str) -> str:
         while drive_of[rollout] != rollout:
             rollout = drive_of[rollout]
         return rollout
 
-    begins: list[tuple[bytes, str]] = []  # those of which each is how the next one begins
-    for truth, rollout in sorted({(_telling(drive), drive.rollout) for drive in series}):
+    # Those of which each is how the next one begins; with the side that the truth is on at first.
+    begins: list[tuple[bytes, str, bool]] = []
+    told = {(truth, one.rollout, right) for one in series for truth, right in [_telling(one)]}
+    for truth, rollout, right in sorted(told):
         while begins and not truth.startswith(begins[-1][0]):
             begins.pop()
         if begins and truth and (truth == begins[-1][0] or len(begins[-1][0]) >= 8 * _TELLING):
             one, other = sorted((first(begins[-1][1]), first(rollout)), key=place.__getitem__)
             drive_of[other] = one
-        begins.append((truth, rollout))
-    return {rollout: first(rollout) for rollout in drive_of}
+            mirrored |= right != begins[-1][2] and rollout != begins[-1][1]
+        begins.append((truth, rollout, right))
+    return {rollout: first(rollout) for rollout in drive_of}, mirrored
 
 
-def _telling(drive: LabelSeries) -> bytes:
-    """The truth up to its first gap, 8 bytes a step; empty if it tells no drive from another."""
+def _telling(drive: LabelSeries) -> tuple[bytes, bool]:
+    """The truth up to its first gap, 8 bytes a step; empty if it tells no drive from another.
+
+    Mirrored if need be, so that it first leaves 0 to the left; and whether it was.
+    """
     known = np.isfinite(drive.truth)
     start = int(np.argmax(known))
     gaps = np.flatnonzero(~known[start:])
     stop = start + int(gaps[0]) if len(gaps) else len(known)
-    truth = drive.truth[start:stop] + 0.0  # -0.0 is 0.0
+    truth = drive.truth[start:stop]
     if np.ptp(truth) == 0.0 or (known[stop:].any() and len(truth) < _TELLING):
-        return b""
-    return truth.tobytes()
+        return b"", False
+    right = bool(truth[np.argmax(truth != 0.0)] < 0.0)
+    return ((-truth if right else truth) + 0.0).tobytes(), right  # -0.0 is 0.0
 
 
-def _same_truth(drive_of: Mapping[str, str], then: str) -> list[str]:
+def _same_truth(drive_of: Mapping[str, str], mirrored: bool, then: str) -> list[str]:
     """What the report says of rollouts with one truth under several names."""
     groups: dict[str, list[str]] = {}
     for rollout, drive in drive_of.items():
@@ -270,8 +284,9 @@ def _same_truth(drive_of: Mapping[str, str], then: str) -> list[str]:
     if not same:
         return []
     more = f" and {len(same) - 3} more" if len(same) > 3 else ""
+    images = ", or its mirror image (the negative at every step)," if mirrored else ""
     return [
-        f"Rollouts that have one and the same truth are one drive, whatever their names: "
+        f"Rollouts that have one and the same truth{images} are one drive, whatever their names: "
         f"{'; '.join(same[:3])}{more}. So {then}."
     ]
 

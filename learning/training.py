@@ -43,6 +43,12 @@ class TrainingConfig:
             many steps as one of many.
         mirror: half of the windows are seen left for right, as labels of a second person whom
             nobody is: their mirror image, with an embedding of their own.
+        sampled: w_hat is a sample of what g says, as the paper has it; else its mean, and g's
+            sigma is then never learned.
+        uniform_start: everyone's w is first drawn from [0, 1), as in the authors' code; else from
+            a standard normal distribution.
+        least_factor: a small table gets so many times ``training_budget.LEAST_TRAINING_STEPS``.
+        longer_if_clean: a table of clean labels is trained longer (``training_budget``).
         huber: error in wheel units from which the difference loss grows linearly; None squares.
         threads: torch's, for a batch. Other numbers round otherwise, so what is learnt repeats, bit
             for bit, with the same number on the same machine.
@@ -57,6 +63,10 @@ class TrainingConfig:
     least_per_epoch: int = 10_000
     cosine: bool = True
     mirror: bool = True
+    sampled: bool = True
+    uniform_start: bool = False
+    least_factor: int = 1
+    longer_if_clean: bool = True
     huber: float | None = HUBER
     threads: int = 1
 
@@ -72,7 +82,7 @@ class TrainingConfig:
         for name, value in vars(self).items():
             if value is None and name == "huber":
                 continue
-            may_be_zero = name in ("embedding_loss_weight", "cosine", "mirror")
+            may_be_zero = name == "embedding_loss_weight" or isinstance(value, bool)
             if value is None or not isfinite(value) or (value <= 0 and not may_be_zero):
                 raise InvalidConfig(f"TrainingConfig.{name} is {value}; it must be positive.")
         if self.embedding_loss_weight < 0.0:
@@ -116,6 +126,8 @@ def mind_meld_loss(
     weight: float,
     generator: torch.Generator,
     huber: float | None = None,
+    *,
+    sampled: bool = True,
 ) -> LossParts:
     """Eq. 2 over a batch, with a reparameterised sample w_hat from g.
 
@@ -126,7 +138,7 @@ def mind_meld_loss(
         embedding: (batch, d), w of the person of each window; not detached in the second term.
         weight: lambda; with 0 nothing is inferred, and the second term is 0.
         generator: draws the sample.
-        huber: see ``TrainingConfig``.
+        huber, sampled: see ``TrainingConfig``.
     """
     encoding = network.encoder(inputs)
     predicted = network.difference(encoding, embedding)
@@ -138,8 +150,8 @@ def mind_meld_loss(
     embedding_loss = torch.zeros(())
     if weight > 0.0:
         mean, log_sigma = network.inference(encoding, predicted)
-        sampled = mean + log_sigma.exp() * noise  # w_hat
-        embedding_loss = (sampled - embedding).square().mean()
+        w_hat = mean + log_sigma.exp() * noise if sampled else mean
+        embedding_loss = (w_hat - embedding).square().mean()
     return LossParts(
         total=difference_loss + weight * embedding_loss,
         difference=difference_loss,
@@ -192,7 +204,8 @@ def train(
     network = MindMeld(network_config, generator)
     people = len(windows.people)
     shape = (people * (2 if config.mirror else 1), network_config.embedding_size)
-    embeddings = torch.randn(shape, generator=generator)
+    draw = torch.rand if config.uniform_start else torch.randn
+    embeddings = draw(shape, generator=generator)
     rates = [config.rate]
     groups: list[dict[str, list[Tensor]]] = [{"params": list(network.parameters())}]
     if given is None:
@@ -223,6 +236,7 @@ def train(
                     config.embedding_loss_weight,
                     generator,
                     config.huber,
+                    sampled=config.sampled,
                 )
                 factor = _rate_factor(number, config.epochs * batches, config)
                 for group, rate in zip(optimizer.param_groups, rates, strict=True):

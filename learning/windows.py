@@ -26,13 +26,18 @@ class WindowConfig:
             one trained mapper serves any control rate.
         look_ahead_s: labels later than this after t' are absent, as beyond the rollout's end; 0
             is causal. None: the whole window, as in the paper.
+        half_width_steps: how far it reaches in steps of each drive, whatever their rate, in place
+            of ``half_width_s`` and ``rate_hz``, which then say nothing; None for those.
     """
 
     half_width_s: float = 1.0
     rate_hz: float = 10.0
     look_ahead_s: float | None = None
+    half_width_steps: int | None = None
 
     def __post_init__(self) -> None:
+        if self.half_width_steps is not None:
+            self._check_steps(self.half_width_steps)
         ahead_s = self.look_ahead_s
         if ahead_s is not None and not 0.0 <= ahead_s <= self.half_width_s:
             raise InvalidConfig(
@@ -54,9 +59,23 @@ class WindowConfig:
                 "widen the window or raise the rate."
             )
 
+    def _check_steps(self, steps: int) -> None:
+        if steps % 1 or not 1 <= steps <= _MOST_SIDE:
+            raise InvalidConfig(
+                f"WindowConfig.half_width_steps is {steps}; it must be whole, 1 to "
+                f"{_MOST_SIDE}, or None."
+            )
+        if self.look_ahead_s is not None:
+            raise InvalidConfig(
+                f"A window of {steps} steps on either side has no rate, so look_ahead_s "
+                f"({self.look_ahead_s}) means nothing; give half_width_s, or no look_ahead_s."
+            )
+
     @property
     def side(self) -> int:
         """Samples on either side of the centre."""
+        if self.half_width_steps is not None:
+            return self.half_width_steps
         return round(self.half_width_s * self.rate_hz)
 
     @property
@@ -70,6 +89,26 @@ class WindowConfig:
     def length(self) -> int:
         """Samples in a window; the centre is at ``side``."""
         return 2 * self.side + 1
+
+    def reach_steps(self, rate_hz: float) -> float:
+        """How many steps of a drive of ``rate_hz`` it reaches on either side."""
+        if self.half_width_steps is not None:
+            return float(self.half_width_steps)
+        return self.half_width_s * rate_hz
+
+    @property
+    def span(self) -> str:
+        """In words, from one end to the other: ``2 s``, ``25 steps``."""
+        if self.half_width_steps is not None:
+            return f"{self.length} steps"
+        return f"{2.0 * self.half_width_s:g} s"
+
+    def __str__(self) -> str:
+        """``±1 s at 10 Hz``, ``±12 steps``; and how far ahead, if that is less."""
+        if self.half_width_steps is not None:
+            return f"±{self.half_width_steps} steps"
+        ahead = "" if self.look_ahead_s is None else f", {self.look_ahead_s:g} s ahead"
+        return f"±{self.half_width_s:g} s at {self.rate_hz:g} Hz{ahead}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,7 +141,8 @@ def window_offsets(
     rate_hz: float, config: WindowConfig
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
     """Where a window's samples lie: steps from t', and how far on to the next, (length,) each."""
-    offset = rate_hz / config.rate_hz * np.arange(-config.side, config.side + 1)
+    stride = 1.0 if config.half_width_steps is not None else rate_hz / config.rate_hz
+    offset = stride * np.arange(-config.side, config.side + 1)
     offset = np.where(np.abs(offset - np.round(offset)) < 1e-6, np.round(offset), offset)
     below = np.floor(offset).astype(np.int64)
     return below, np.asarray(offset - below, dtype=np.float64)

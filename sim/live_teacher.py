@@ -5,6 +5,7 @@ Offline a teacher sees a whole rollout, its future too. At the wheel nobody does
 """
 
 from dataclasses import dataclass, replace
+from math import nan
 from typing import Literal, Protocol
 
 import numpy as np
@@ -66,19 +67,23 @@ class LiveTeacher:
         self._teacher = softened(teacher) if style == "softened" else teacher
         self._context: DriveContext | None = None
         self._seen = np.empty(0)
+        self._robot = np.empty(0)
         self._step = 0
 
     def begin(self, context: DriveContext) -> None:
         """A new drive; nothing has been seen."""
         self._context = context
         self._seen = np.full(context.steps, np.nan)
+        self._robot = np.full(context.steps, np.nan)
         self._step = 0
 
-    def react(self, oracle: float) -> float:
+    def react(self, oracle: float, robot_wheel: float = nan) -> float:
         """The wheel for this step, within ±``WHEEL_LIMIT``.
 
         Args:
             oracle: ground truth now; NaN where there is none, which a person bridges.
+            robot_wheel: of the robot that they correct, in wheel units; NaN for who drives, and
+                therefore steers however well a robot would.
 
         Raises:
             TeacherNotReady: ``begin`` was not called, or the drive is longer than it said.
@@ -89,8 +94,9 @@ class LiveTeacher:
         if np.isnan(oracle):
             oracle = float(self._seen[step - 1]) if step else 0.0  # straight on until a way shows
         self._seen[step:] = oracle  # whatever comes is taken to stay, so every draw keeps its place
+        self._robot[step:] = robot_wheel
         self._step = step + 1
-        stub = _only_labels(context, self._seen)
+        stub = _only_wheels(context, self._seen, self._robot)
         labels = self._teacher.respond(stub, order=context.order, attempt=context.attempt)
         return float(labels[step])
 
@@ -119,8 +125,8 @@ def _soft(teacher: ScriptedTeacher) -> ScriptedTeacher:
     return ScriptedTeacher(teacher.name, soft, teacher.seed)
 
 
-def _only_labels(context: DriveContext, labels: FloatArray) -> Rollout:
-    """A rollout of which only the labels mean anything; teachers read nothing else."""
+def _only_wheels(context: DriveContext, labels: FloatArray, robot_wheel: FloatArray) -> Rollout:
+    """A rollout of which only labels and the robot's wheel count; teachers read nothing else."""
     steps = context.steps
     return Rollout(
         name=context.name,
@@ -132,7 +138,7 @@ def _only_labels(context: DriveContext, labels: FloatArray) -> Rollout:
         pose=np.zeros((steps, 3)),
         velocity=np.zeros((steps, 3)),
         acceleration=np.zeros((steps, 2)),
-        robot_wheel=np.zeros(steps),
+        robot_wheel=robot_wheel,
         oracle_label=labels,
         oracle_valid=np.isfinite(labels),
         physics_state=np.zeros((steps, 0)),

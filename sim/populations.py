@@ -1,6 +1,7 @@
 """Populations of scripted teachers: how styles and noise are spread over simulated people."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import sqrt
 from typing import Literal
 
 import numpy as np
@@ -8,8 +9,8 @@ import numpy as np
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.scripted_teacher import ScriptedTeacher, TeacherStyle
 
-PopulationKind = Literal["paper", "low", "human", "high"]
-_KINDS: dict[str, int] = {"paper": 0, "low": 1, "human": 2, "high": 3}
+PopulationKind = Literal["paper", "low", "human", "high", "people", "sparse"]
+_KINDS: dict[str, int] = {"paper": 0, "low": 1, "human": 2, "high": 3, "people": 4, "sparse": 5}
 """By kind, its number in seeds: whoever adds a kind gives it the next one."""
 LONGEST_SEED = 10
 """Digits of a seed that is written in a text, as in ``scripted:human:3``."""
@@ -60,7 +61,67 @@ class PopulationConfig:
     drift_std: float
 
 
+ORACLE_RMS = 1.09
+"""Root mean square of the calibration set's oracle labels, in wheel units."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PeoplePopulationConfig:
+    """People as they were measured: nine who tracked a cursor with a slider.
+
+    Yamagami, Howell, Roth & Burden, *Contributions of feedforward and feedback control in a manual
+    trajectory-tracking task*, IFAC-PapersOnLine 51(34) 61-66, doi 10.1016/j.ifacol.2019.01.025;
+    data: github.com/EmDash00/CPHS2017, first-order dynamics. A delay of .36 ± .03 s where they could
+    not see ahead and .01 ± .09 s where they could, over people; standard deviation of log gain
+    .05-.09; noise of a correlation time of .7-1.0 s and of .22-.44 of the truth's root mean square,
+    which hardly depends on the signal. Half of our people see ahead, and half do not.
+
+    What was not measured is left out: lag (the delay has it), dead zone, bias, drift and a mean gain
+    other than 1. These people were in the loop: the cursor answered them. A closed loop compresses
+    gain and slows noise, so people who correct a recorded drive may differ more in gain and have
+    faster noise. A slider is no wheel, and nine people are few.
+
+    Attributes:
+        blind_s, preview_s: mean and standard deviation of the delay without and with a view ahead.
+        noise: lowest and highest, uniform, in units of ``ORACLE_RMS``.
+        noise_time_s: lowest and highest, uniform.
+    """
+
+    log_gain_std: float = 0.07
+    blind_s: tuple[float, float] = (0.36, 0.03)
+    preview_s: tuple[float, float] = (0.01, 0.09)
+    noise: tuple[float, float] = (0.22, 0.44)
+    noise_time_s: tuple[float, float] = (0.7, 1.0)
+
+    @property
+    def delay_mean_s(self) -> float:
+        """Of everyone, whether they see ahead or not."""
+        return (self.blind_s[0] + self.preview_s[0]) / 2.0
+
+    @property
+    def delay_std_s(self) -> float:
+        """Of everyone: how either half differs, and how the halves lie apart."""
+        within = (self.blind_s[1] ** 2 + self.preview_s[1] ** 2) / 2.0
+        return sqrt(within + ((self.blind_s[0] - self.preview_s[0]) / 2.0) ** 2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SparsePopulationConfig:
+    """People of the population ``human`` who leave the wheel centred while the robot is right.
+
+    Right is what lies within their tolerance, which is an assumption: within .5 of the robot's wheel
+    the truth is in 54 % of the calibration set's steps.
+
+    Attributes:
+        tolerance: lowest and highest, uniform, in wheel units.
+    """
+
+    tolerance: tuple[float, float] = (0.3, 0.7)
+
+
 PAPER = PaperPopulationConfig()
+PEOPLE = PeoplePopulationConfig()
+SPARSE = SparsePopulationConfig()
 
 # Execution noise alone: 10 % of the signal (van Beers, Haggard & Wolpert, J. Neurophysiol. 2004).
 LOW = PopulationConfig(
@@ -116,6 +177,11 @@ def sample_style(kind: PopulationKind, rng: np.random.Generator) -> TeacherStyle
     """Draw one style of the population ``kind``."""
     if kind == "paper":
         return _sample_paper_style(PAPER, rng)
+    if kind == "people":
+        return _sample_people_style(PEOPLE, rng)
+    if kind == "sparse":
+        style = sample_style("human", rng)
+        return replace(style, tolerance=float(rng.uniform(*SPARSE.tolerance)))
     config = _LEVELS[kind]
     noise_factor = float(np.exp(rng.normal(0.0, config.log_noise_std)))
     return TeacherStyle(
@@ -136,3 +202,13 @@ def _sample_paper_style(config: PaperPopulationConfig, rng: np.random.Generator)
     over_corrects = bool(rng.integers(2))
     shift_s = config.shift_s * int(rng.integers(-1, 2))
     return TeacherStyle(gain=magnitude if over_corrects else 1.0 / magnitude, delay_s=shift_s)
+
+
+def _sample_people_style(config: PeoplePopulationConfig, rng: np.random.Generator) -> TeacherStyle:
+    sees_ahead = bool(rng.integers(2))
+    return TeacherStyle(
+        gain=float(np.exp(rng.normal(0.0, config.log_gain_std))),
+        delay_s=float(rng.normal(*(config.preview_s if sees_ahead else config.blind_s))),
+        constant_noise=ORACLE_RMS * float(rng.uniform(*config.noise)),
+        noise_time_s=float(rng.uniform(*config.noise_time_s)),
+    )

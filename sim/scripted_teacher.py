@@ -9,6 +9,7 @@ import numpy as np
 from steerlab.sim.arrays import FloatArray
 from steerlab.sim.errors import InvalidConfig, SteerlabError
 from steerlab.sim.rollout import Rollout
+from steerlab.sim.sparse_correction import correcting
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 
@@ -23,6 +24,10 @@ class TeacherStyle:
     In this order: shift by ``delay_s``, dead zone, first-order lag, gain, bias, noise, saturation
     at ±``WHEEL_LIMIT``. Times are in seconds, so a style means the same at any control rate.
 
+    With a ``tolerance``, they correct only while the robot was wrong ``delay_s`` ago
+    (``sparse_correction``). They take the wheel up with their lag, and let go at once: it centres
+    itself. Its label is then 0, a wheel that is there and centred, and not None, no wheel at all.
+
     Attributes:
         gain: above 1 over-corrects, below 1 under-corrects.
         delay_s: positive labels late; negative previews. Fractions of a step are interpolated.
@@ -33,6 +38,8 @@ class TeacherStyle:
         noise_time_s: correlation time of the noise; 0 is white.
         bias: added to every label.
         drift: change of log gain with each rollout of the session.
+        tolerance: how far, in wheel units, the robot's wheel may be from the oracle label before
+            they correct; 0 always corrects.
     """
 
     gain: float = 1.0
@@ -44,6 +51,7 @@ class TeacherStyle:
     noise_time_s: float = 0.0
     bias: float = 0.0
     drift: float = 0.0
+    tolerance: float = 0.0
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -51,7 +59,14 @@ class TeacherStyle:
                 raise InvalidConfig(f"TeacherStyle.{name} is {value}; it must be finite.")
         if self.gain <= 0.0:
             raise InvalidConfig(f"TeacherStyle.gain is {self.gain}; it must be positive.")
-        for name in ("lag_s", "dead_zone", "constant_noise", "signal_noise", "noise_time_s"):
+        for name in (
+            "lag_s",
+            "dead_zone",
+            "constant_noise",
+            "signal_noise",
+            "noise_time_s",
+            "tolerance",
+        ):
             if getattr(self, name) < 0.0:
                 raise InvalidConfig(
                     f"TeacherStyle.{name} is {getattr(self, name)}; it must not be negative."
@@ -138,14 +153,20 @@ class ScriptedTeacher:
             )
         style = self.style
         step_s = 1.0 / rollout.control_hz
-        seen = _shift(stimulus(rollout), style.delay_s, step_s)
+        truth = stimulus(rollout)
+        active = np.ones(rollout.steps, dtype=np.bool_)
+        if style.tolerance > 0.0:
+            difference = _shift(truth - rollout.robot_wheel, style.delay_s, step_s)
+            active = correcting(difference, style.tolerance)
+        seen = np.where(active, _shift(truth, style.delay_s, step_s), 0.0)
         seen = np.sign(seen) * np.maximum(np.abs(seen) - style.dead_zone, 0.0)
         intended = style.gain * exp(style.drift * order) * _lag(seen, style.lag_s, step_s)
         intended += style.bias
         noise_std = style.constant_noise + style.signal_noise * np.abs(intended)
         rng = np.random.default_rng(self.noise_seed(rollout.name, attempt))
         noise = noise_std * _coloured_noise(rng, rollout.steps, style.noise_time_s, step_s)
-        return np.clip(intended + noise, -WHEEL_LIMIT, WHEEL_LIMIT)
+        label = np.clip(intended + noise, -WHEEL_LIMIT, WHEEL_LIMIT)
+        return np.where(active, label, 0.0)
 
     def noise_seed(self, rollout_name: str, attempt: int) -> np.random.SeedSequence:
         """The seed of the noise on one attempt at one rollout."""

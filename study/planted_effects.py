@@ -6,13 +6,13 @@ from math import log, sqrt
 from typing import Literal, get_args
 
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.populations import HIGH, HUMAN, LOW, PAPER, PopulationKind
+from steerlab.sim.populations import HIGH, HUMAN, LOW, PAPER, PEOPLE, PopulationKind
 from steerlab.sim.scripted_teacher import TeacherStyle
 from steerlab.study.surveys.questionnaire import Questionnaire
 
 StyleParameter = Literal["gain", "delay"]
 
-_LEVELS = {"low": LOW, "human": HUMAN, "high": HIGH}
+_LEVELS = {"low": LOW, "human": HUMAN, "high": HIGH, "people": PEOPLE, "sparse": HUMAN}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

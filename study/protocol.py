@@ -117,7 +117,7 @@ class MapperPlan:
         minimum_people: with fewer finished training participants nothing is trained.
     """
 
-    preset: Literal["lab", "paper"] = "lab"
+    preset: Literal["lab", "paper", "paper-text"] = "lab"
     epochs: int | None = None
     minimum_people: int = 8
 

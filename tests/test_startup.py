@@ -65,7 +65,7 @@ MAPPERS = [
         "streaming",
         "baselines",
         "pretrained.mapper",
-        "pretrained.ceiling",
+        "pretrained.known_people",
         "empirical_bayes.mapper",
         "batch_mapping",
     )

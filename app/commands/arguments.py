@@ -177,8 +177,8 @@ Jobs = Annotated[
     tyro.conf.arg(help="Processes; results do not depend on it."),
 ]
 Json = Annotated[bool, tyro.conf.arg(help="Print the summary as JSON.")]
-Noise = Literal["paper", "low", "human", "high"]
-Preset = Literal["lab", "paper"]
+Noise = Literal["paper", "low", "human", "high", "people", "sparse"]
+Preset = Literal["lab", "paper", "paper-text"]
 Ladder = Literal["full", "quick"]
 Name = Annotated[str, tyro.conf.arg(help="Part of the wheel's name, if there are several.")]
 DeviceSpec = Annotated[

@@ -41,6 +41,11 @@ def fit(
         decimal("rate-hz", 0.001, 1e6),
         tyro.conf.arg(help="Steps a second, without a t_s column; 20 by default."),
     ] = None,
+    gain: Annotated[
+        FloatOrNone,
+        decimal("gain", 1e-6, 1e6),
+        tyro.conf.arg(help="Of a tracked cursor: its speed to one unit of input; 1 by default."),
+    ] = None,
     seed: Seed = 0,
     force: Force = False,
     json: Json = False,
@@ -48,7 +53,9 @@ def fit(
     """Learn from any table of labels, judge the result by cross-validation, and report.
 
     LABELS is a .csv or .parquet file with the columns person, rollout, step, label and truth;
-    docs/fit.md has the format, docs/example-labels.csv an example.
+    docs/fit.md has the format, docs/example-labels.csv an example. People who tracked with a
+    cursor: reference, disturbance and input in place of label and truth, as in
+    docs/example-tracking.csv.
 
     Example: steerlab fit docs/example-labels.csv --out my-fit
     """
@@ -56,7 +63,13 @@ def fit(
     from steerlab.app.fit import fit as run
 
     config = FitConfig(
-        folds=folds, preset=preset, ladder=ladder, seed=seed, limit=limit, rate_hz=rate_hz
+        folds=folds,
+        preset=preset,
+        ladder=ladder,
+        seed=seed,
+        limit=limit,
+        rate_hz=rate_hz,
+        gain=gain,
     )
     given = {name: value for name, value in vars(config).items() if value is not None}
     command = command_line("fit", given, out, labels.name)

@@ -28,7 +28,7 @@ def simulate(
     new_teachers: Annotated[
         int, whole("new-teachers", 2, MANY), tyro.conf.arg(help="Teachers it has never seen.")
     ] = 34,
-    noise: Annotated[Noise, tyro.conf.arg(help="How noisy the teachers are.")] = "human",
+    noise: Annotated[Noise, tyro.conf.arg(help="Which population the teachers are of.")] = "human",
     rollouts: Annotated[
         int, whole("rollouts", 4, 1000), tyro.conf.arg(help="Calibration rollouts, 4 to 12.")
     ] = 12,

@@ -53,11 +53,15 @@ def teach(
     ] = 3,
     seed: Seed = 0,
     population: Annotated[
-        Optional[Literal["wide", "paper", "low", "human", "high"]],  # noqa: UP045 - see quick_types
+        Optional[  # noqa: UP045 - see quick_types
+            Literal["wide", "paper", "low", "human", "high", "people", "sparse"]
+        ],
         tyro.conf.arg(help="How much teachers differ; else wide, or human for other families."),
     ] = None,
     family: Annotated[
-        Literal["scripted", "asymmetric", "bang-bang", "dither", "late-braking", "fatigue"],
+        Literal[
+            "scripted", "asymmetric", "bang-bang", "dither", "late-braking", "fatigue", "sparse"
+        ],
         tyro.conf.arg(help="Kind of test teacher; all but scripted are new in kind to the mapper."),
     ] = "scripted",
     driving: Annotated[

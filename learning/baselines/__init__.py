@@ -8,6 +8,8 @@ from steerlab.learning.baselines.ablations import (
     ShuffledEmbeddingMapper,
     TrueStyleMapper,
 )
+from steerlab.learning.baselines.auto import AutoMapper
+from steerlab.learning.baselines.choosing import CANDIDATES, choose
 from steerlab.learning.baselines.gain import (
     IdentityMapper,
     PersonGainLagMapper,
@@ -21,12 +23,14 @@ from steerlab.learning.baselines.left_out import (
     LEAST_RATE_HZ,
     left_out,
 )
+from steerlab.learning.baselines.no_labels import NoLabelsMapper
 from steerlab.learning.baselines.ridge import PersonRidgeMapper, SharedRidgeMapper
 from steerlab.learning.empirical_bayes.mapper import EmpiricalBayesMapper
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
-from steerlab.learning.presets import PAPER, MapperConfig
+from steerlab.learning.presets import PAPER, PAPER_TEXT
 from steerlab.learning.pretrained.mapper import SimPretrainedMapper
 from steerlab.learning.splits import StudySplit
+from steerlab.learning.training_budget import valid_labels, with_enough_steps
 from steerlab.sim.progress import ShareProgress
 from steerlab.sim.scripted_teacher import TeacherStyle
 
@@ -58,7 +62,6 @@ def fit_baselines(
     on_step: ShareProgress,
     without: Collection[str],
     styles: Mapping[str, TeacherStyle] | None = None,
-    paper: MapperConfig = PAPER,
 ) -> dict[str, LabelMapper]:
     """Every baseline, fitted on the training people and calibrated on the new ones, in order.
 
@@ -70,9 +73,8 @@ def fit_baselines(
         without: baselines not to build: what ``left_out`` finds for ``study``.
         styles: everyone's true style, where the teachers are scripted; without them there is no
             ceiling.
-        paper: the settings of ``mind_meld_paper``.
     """
-    config = mind_meld.config
+    config, labels = mind_meld.config, valid_labels(study.train_seen)
     fitted: dict[str, LabelMapper] = {}
 
     def on_epoch(done: int, of: int) -> None:
@@ -80,6 +82,7 @@ def fit_baselines(
 
     builders: dict[str, Callable[[], LabelMapper]] = {
         "identity": IdentityMapper,
+        "no_labels": lambda: NoLabelsMapper(config.window),
         "shared_gain": SharedGainMapper,
         "person_gain": PersonGainMapper,
         "person_gain_lag": PersonGainLagMapper,
@@ -87,7 +90,16 @@ def fit_baselines(
         "person_ridge": lambda: PersonRidgeMapper(config.window),
         "no_embedding": lambda: NoEmbeddingMapper(config, seed=seed, on_epoch=on_epoch),
         "mind_meld_paper": lambda: MindMeldMapper(
-            paper, seed=seed, on_epoch=on_epoch, name="mind_meld_paper"
+            with_enough_steps(PAPER, labels),
+            seed=seed,
+            on_epoch=on_epoch,
+            name="mind_meld_paper",
+        ),
+        "mind_meld_paper_text": lambda: MindMeldMapper(
+            with_enough_steps(PAPER_TEXT, labels),
+            seed=seed,
+            on_epoch=on_epoch,
+            name="mind_meld_paper_text",
         ),
         "eb_nonlinear": EmpiricalBayesMapper,
         "sim_pretrained": lambda: SimPretrainedMapper(seed=seed),
@@ -97,6 +109,7 @@ def fit_baselines(
         known = styles
         builders[CEILING] = lambda: TrueStyleMapper(known, config, seed=seed, on_epoch=on_epoch)
     wanted = [name for name in builders if name not in without]
+    blended = "auto" not in without
     for name in wanted:
         baseline = builders[name]()
         baseline.fit(study.train_seen)
@@ -105,4 +118,8 @@ def fit_baselines(
         on_step(len(fitted) / len(wanted))
     sharing = (MeanEmbeddingMapper(mind_meld), ShuffledEmbeddingMapper(mind_meld), mind_meld)
     baselines = fitted | {baseline.name: baseline for baseline in sharing}
+    if blended:
+        anew = builders | {"mind_meld": lambda: MindMeldMapper(config, seed=seed)}
+        candidates = {name: anew[name] for name in CANDIDATES if name in baselines}
+        baselines["auto"] = AutoMapper(baselines, choose(study.train_seen, candidates, seed=seed))
     return {name: baselines[name] for name in (*BASELINES, CEILING) if name in baselines}

@@ -194,7 +194,10 @@ class TrueStyleMapper:
         on_epoch: Callable[[int, int], None] | None = None,
     ) -> None:
         self._styles = dict(styles)
-        size = len(fields(TeacherStyle))
+        names = [field.name for field in fields(TeacherStyle)]
+        if not any(style.tolerance for style in styles.values()):
+            names.remove("tolerance")  # w is no larger, and its network no other, where all correct
+        self._parameters, size = tuple(names), len(names)
         self.config = replace(config, network=replace(config.network, embedding_size=size))
         self._seed, self._on_epoch = seed, on_epoch
         self._network: MindMeld | None = None
@@ -208,11 +211,11 @@ class TrueStyleMapper:
             InvalidLabels: no series, or someone without a valid step.
         """
         people = dict.fromkeys(drive.person for drive in series)
-        styles = np.stack([style_vector(self._style(person)) for person in people])
+        styles = np.stack([self._vector(self._style(person)) for person in people])
         self._centre, spread = styles.mean(axis=0), styles.std(axis=0)
         self._scale = np.where(
-            spread > 0.0, spread, 1.0
-        )  # a parameter that nobody has tells nothing
+            spread > 0.0, spread, np.inf
+        )  # a parameter in which nobody differs tells nothing, of new people neither
         self._network = _train(series, self.config, self._seed, self._on_epoch, self._w)
 
     def calibrate(self, series: Sequence[LabelSeries]) -> None:
@@ -254,14 +257,13 @@ class TrueStyleMapper:
         style = self._style(person)
         if mirrored:  # the bias is all that tells left from right
             style = replace(style, bias=-style.bias)
-        standardised = (style_vector(style) - self._centre) / self._scale
+        standardised = (self._vector(style) - self._centre) / self._scale
         return torch.from_numpy(standardised.astype(np.float32))
 
-
-def style_vector(style: TeacherStyle) -> FloatArray:
-    """Every parameter of a style, the gain as its logarithm, (parameters,)."""
-    values = {**vars(style), "gain": np.log(style.gain)}
-    return np.array(list(values.values()), dtype=np.float64)
+    def _vector(self, style: TeacherStyle) -> FloatArray:
+        """Every parameter of a style, the gain as its logarithm, (parameters,)."""
+        values = {**vars(style), "gain": np.log(style.gain)}
+        return np.array([values[name] for name in self._parameters], dtype=np.float64)
 
 
 def _train(

@@ -9,13 +9,14 @@ from math import pi
 import numpy as np
 
 from steerlab.learning.empirical_bayes.grid import RATE_HZ, GridSeries
-from steerlab.learning.presets import PAPER, MapperConfig
+from steerlab.learning.presets import PAPER, PAPER_TEXT, MapperConfig
 from steerlab.learning.series import CONTEXT, LabelSeries, by_person
-from steerlab.learning.splits import StudySplit
+from steerlab.learning.splits import StudySplit, drive_names
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 BASELINES = (
     "identity",
+    "no_labels",
     "shared_gain",
     "person_gain",
     "person_gain_lag",
@@ -26,17 +27,19 @@ BASELINES = (
     "shuffled_embedding",
     "mind_meld",
     "mind_meld_paper",
+    "mind_meld_paper_text",
     "eb_nonlinear",
     "sim_pretrained",
     "sim_pretrained_context",
+    "auto",
 )
 """Every baseline. A baseline that cannot be judged is named with the reason, see ``left_out``."""
 
 CEILING = "true_style"
 """Told the teachers' true styles: a reference, not a method."""
 
-FULL_ONLY = ("no_embedding", "mind_meld_paper", CEILING)
-"""These train a network each; the quick choice does without."""
+FULL_ONLY = ("no_embedding", "mind_meld_paper", "mind_meld_paper_text", "auto", CEILING)
+"""These train a network each, and ``auto`` every candidate anew; the quick choice does without."""
 
 
 LEAST_RATE_HZ = 1.0
@@ -44,6 +47,9 @@ LEAST_RATE_HZ = 1.0
 have been measured (docs/fit.md)."""
 
 _ON_GRID = ("eb_nonlinear", "sim_pretrained", "sim_pretrained_context")
+LEAST_DRIVES = 3
+"""To choose a blend by: some are held out, and a ridge chooses its penalty by another."""
+
 _MOST_RADPS = 2.0 * pi
 _SLACK = 1e-6  # as for labels: rounding
 
@@ -69,19 +75,30 @@ def left_out(
         reasons |= {
             baseline: quick for baseline in FULL_ONLY if baseline != CEILING or styles_known
         }
-    if config == PAPER:
-        reasons["mind_meld_paper"] = "mind_meld itself has the paper’s settings here"
+    for baseline, settings in (("mind_meld_paper", PAPER), ("mind_meld_paper_text", PAPER_TEXT)):
+        if config == settings:
+            reasons[baseline] = "mind_meld itself has these settings here"
     series = _each_once(studies)
     if why := _without_motion(series):
-        reasons["sim_pretrained_context"] = why
+        reasons |= dict.fromkeys(("sim_pretrained_context", "no_labels"), why)
     if any(len({drive.person for drive in study.train_seen}) < 2 for study in studies):
         reasons["eb_nonlinear"] = "a prior over people takes two to train on, and there is 1"
-    for baseline, by_whom in (("shared_ridge", ""), ("person_ridge", " by one person")):
+    for baseline, by_whom in (
+        ("shared_ridge", ""),
+        ("no_labels", ""),
+        ("person_ridge", " by one person"),
+    ):
         if any(_rollouts(study, each=bool(by_whom)) < 2 for study in studies):
             reasons[baseline] = (
                 f"its penalty is chosen by leaving a rollout out, and there is only one{by_whom} "
                 f"to train on"
             )
+    fewest = min(_drives(study) for study in studies)
+    if full and fewest < LEAST_DRIVES:
+        reasons["auto"] = (
+            f"it chooses by drives that are held out of those to train on, which takes "
+            f"{LEAST_DRIVES}, and there are {fewest}"
+        )
     if why := _off_grid(studies, series):
         reasons |= dict.fromkeys(_ON_GRID, why)
     return reasons
@@ -98,6 +115,11 @@ def _rollouts(study: StudySplit, *, each: bool) -> int:
     usable = [drive for drive in study.train_seen if drive.valid.any()]
     groups = by_person(usable).values() if each else [usable]
     return max((len({drive.rollout for drive in drives}) for drives in groups), default=0)
+
+
+def _drives(study: StudySplit) -> int:
+    usable = [drive for drive in study.train_seen if drive.valid.any()]
+    return len(set(drive_names(usable).values()))
 
 
 def _without_motion(series: Sequence[LabelSeries]) -> str | None:

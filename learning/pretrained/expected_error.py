@@ -60,7 +60,11 @@ class ErrorScale:
 
 
 def measure_error_scale(
-    model: PretrainedModel, network: ResidualNetwork, batch: StudyBatch, rows: BoolArray
+    model: PretrainedModel,
+    network: ResidualNetwork,
+    batch: StudyBatch,
+    rows: BoolArray,
+    trust: float = 1.0,
 ) -> ErrorScale:
     """Measure on the ``rows`` of ``batch``, (rollouts,), which ``network`` was not trained on.
 
@@ -71,11 +75,11 @@ def measure_error_scale(
         mapped, stated = map_labels(
             network,
             model.style_readout,
-            batch.coefficients[rows],
-            batch.style[rows],
+            batch.known[rows],
             batch.label[rows],
             batch.present[rows],
             None if batch.motion is None else batch.motion[rows],
+            trust,
         )
     valid = batch.valid[rows]
     return ErrorScale.from_errors(np.abs(mapped - batch.truth[rows])[valid], stated[valid])

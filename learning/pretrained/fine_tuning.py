@@ -16,14 +16,15 @@ import numpy as np
 import torch
 
 from steerlab.learning.empirical_bayes.grid import GridSeries
+from steerlab.learning.pretrained.known_people import known_from_others
 from steerlab.learning.pretrained.model import (
     Alignment,
+    KnownStyle,
     PretrainedModel,
     ResidualNetwork,
     closed_form,
     network_inputs,
 )
-from steerlab.learning.pretrained.style import concatenate, style_moments
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.training import torch_threads
 from steerlab.sim.arrays import BoolArray, FloatArray
@@ -34,11 +35,11 @@ class StudyBatch:
     """Rollouts of a study on the grid, padded to one length: (rollouts, samples).
 
     Attributes:
-        label, prediction: bridged labels, and the closed form's truth.
+        label, prediction: bridged labels; the closed form's truth, in units.
         present, valid: there is a label; label and truth may train or score.
         truth: 0 beyond the end.
         motion: (rollouts, samples, 3), or None.
-        coefficients, style: (rollouts, ...) of the closed form, and w.
+        known: of the person of each rollout, from their other rollouts.
         rollout: name of each.
     """
 
@@ -48,13 +49,14 @@ class StudyBatch:
     truth: FloatArray
     valid: BoolArray
     motion: FloatArray | None
-    coefficients: FloatArray
-    style: FloatArray
+    known: KnownStyle
     rollout: tuple[str, ...]
 
 
 def study_batch(
-    model: PretrainedModel, series: Sequence[LabelSeries], motions: Sequence[FloatArray] | None
+    model: PretrainedModel,
+    series: Sequence[LabelSeries],
+    motions: Sequence[FloatArray] | None,
 ) -> StudyBatch | None:
     """Each rollout with the style of its person found from that person's other rollouts.
 
@@ -66,22 +68,10 @@ def study_batch(
         motions: the car's motion on the grid of each series, or None.
     """
     grids = [GridSeries.from_series(drive) for drive in series]
-    moments = concatenate(
-        [style_moments(grid.label[None], grid.truth[None], grid.valid[None]) for grid in grids]
-    )
-    rows_of: dict[str, list[int]] = {}
-    for row, drive in enumerate(series):
-        rows_of.setdefault(drive.person, []).append(row)
-    other_rows = [
-        [other for other in rows_of[drive.person] if other != row]
-        for row, drive in enumerate(series)
-    ]
-    kept = [row for row, others in enumerate(other_rows) if moments.inverse.rows[others].any()]
-    if not kept:
+    found = known_from_others(model, series, motions)
+    if found is None:
         return None
-    coefficients, style = model.encoder(
-        concatenate([moments[other_rows[row]].summed(1) for row in kept])
-    )
+    kept, known = found
     samples = max(len(grids[row].label) for row in kept)
 
     def padded(name: str) -> np.ndarray:
@@ -94,13 +84,12 @@ def study_batch(
     label = np.stack([held(grids[row].label) for row in kept])
     return StudyBatch(
         label=label,
-        prediction=closed_form(label, coefficients),
+        prediction=closed_form(label, known.unit, known.coefficients),
         present=padded("present"),
         truth=padded("truth"),
         valid=padded("valid"),
         motion=None if motions is None else np.stack([held(motions[row]) for row in kept]),
-        coefficients=coefficients,
-        style=style,
+        known=known,
         rollout=tuple(series[row].rollout for row in kept),
     )
 
@@ -119,7 +108,7 @@ class FineTuningConfig:
     batch_size: int = 32
     rate: float = 1e-3
     hold_out_every: int = 4
-    margin: float = 0.01
+    margin: float = 0.1
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -164,8 +153,17 @@ def fine_tuned(
 
 
 def _inputs(model: PretrainedModel, batch: StudyBatch) -> torch.Tensor:
-    alignment = Alignment.from_style(batch.style, model.style_readout)
-    return network_inputs(batch.label, batch.prediction, batch.present, alignment, batch.motion)
+    known = batch.known
+    alignment = Alignment.from_style(known.style, model.style_readout)
+    return network_inputs(
+        batch.label,
+        known.unit,
+        batch.prediction,
+        batch.present,
+        known.in_study,
+        alignment,
+        batch.motion,
+    )
 
 
 def _tune(
@@ -202,8 +200,10 @@ def _mean_error(
 def _loss(
     network: ResidualNetwork, inputs: torch.Tensor, batch: StudyBatch, rows: np.ndarray
 ) -> torch.Tensor:
-    style = torch.from_numpy(batch.style[rows].astype(np.float32))
-    correction, _ = network(inputs[rows], style)
-    residual = torch.from_numpy((batch.prediction - batch.truth)[rows].astype(np.float32))
+    known = batch.known[rows]
+    style = torch.from_numpy(known.style.astype(np.float32))
+    correction, _ = network(inputs[rows], style, torch.from_numpy(known.sums[:, 0].copy()))
+    truth = batch.truth[rows] / known.unit[:, None]
+    residual = torch.from_numpy((batch.prediction[rows, 0] - truth).astype(np.float32))
     valid = torch.from_numpy(batch.valid[rows]).float()
     return ((correction + residual).abs() * valid).sum() / valid.sum()

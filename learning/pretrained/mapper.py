@@ -1,17 +1,19 @@
 """``SimPretrainedMapper``: a network taught by simulated teachers, calibrated in closed form."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from steerlab.learning.empirical_bayes.grid import GridSeries, from_grid, motion_on_grid
+from steerlab.learning.empirical_bayes.gaussian import Prior
+from steerlab.learning.empirical_bayes.grid import GridSeries, from_grid
 from steerlab.learning.errors import NotFitted
 from steerlab.learning.pretrained.expected_error import ErrorScale, measure_error_scale
 from steerlab.learning.pretrained.fine_tuning import FineTuningConfig, fine_tuned, study_batch
-from steerlab.learning.pretrained.model import PretrainedModel, map_labels
-from steerlab.learning.pretrained.style import person_moments
+from steerlab.learning.pretrained.known_people import known_people, motions_on_grid, prior_of
+from steerlab.learning.pretrained.model import KnownStyle, PretrainedModel, map_labels
+from steerlab.learning.pretrained.style import LARGEST
 from steerlab.learning.pretrained.teachers import STYLE
+from steerlab.learning.pretrained.trust import trusted_share
 from steerlab.learning.pretrained.weights import load_shipped_model
 from steerlab.learning.series import LabelSeries, lookup_person
 from steerlab.learning.training import torch_threads
@@ -19,14 +21,7 @@ from steerlab.sim.arrays import FloatArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 FINE_TUNING = FineTuningConfig()
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class EstimatedStyle:
-    """A calibrated person: coefficients of the closed form, and w."""
-
-    coefficients: FloatArray
-    style: FloatArray
+_UNLIKE = 2
 
 
 class SimPretrainedMapper:
@@ -58,8 +53,10 @@ class SimPretrainedMapper:
         self._seed = seed
         self._network = self._model.network
         self._gain = 0.0
+        self._prior: Prior | None = None
+        self._trust = 1.0
         self._error_scale: ErrorScale | None = None
-        self._people: dict[str, EstimatedStyle] = {}
+        self._people: dict[str, KnownStyle] = {}
 
     def fit(self, series: Sequence[LabelSeries]) -> None:
         """Calibrate the training people and choose the network; forgets everything before.
@@ -68,9 +65,9 @@ class SimPretrainedMapper:
             InvalidLabels: no series, or someone without a valid label.
         """
         self._people, self._network, self._gain = {}, self._model.network, 0.0
-        self._error_scale = None
+        self._error_scale, self._prior, self._trust = None, prior_of(self._model, series), 1.0
         self.calibrate(series)
-        motions = [motion_on_grid(drive) for drive in series] if self._context else None
+        motions = motions_on_grid(series) if self._context else None
         batch = study_batch(self._model, series, motions)
         if batch is None:  # one rollout a person: nothing is left to choose or measure on
             return
@@ -78,7 +75,10 @@ class SimPretrainedMapper:
         if self._fine_tuning is not None:
             tuning = fine_tuned(self._model, batch, self._seed, self._fine_tuning)
             self._network, self._gain, unseen = tuning.network, tuning.gain, tuning.unseen
-        self._error_scale = measure_error_scale(self._model, self._network, batch, unseen)
+        self._trust = trusted_share(self._model, self._network, batch, unseen)
+        self._error_scale = measure_error_scale(
+            self._model, self._network, batch, unseen, self._trust
+        )
 
     def calibrate(self, series: Sequence[LabelSeries]) -> None:
         """The style of the people in ``series``; someone known gets a new one.
@@ -86,12 +86,9 @@ class SimPretrainedMapper:
         Raises:
             InvalidLabels: no series, or someone without a valid label.
         """
-        people, moments = person_moments(series)
-        coefficients, styles = self._model.encoder(moments)
-        self._people |= {
-            person: EstimatedStyle(coefficients=coefficients[row], style=styles[row])
-            for row, person in enumerate(people)
-        }
+        motions = motions_on_grid(series) if self._context else None
+        people, known = known_people(self._model, series, motions, self._prior)
+        self._people |= {person: known[[row]] for row, person in enumerate(people)}
 
     def map(self, series: LabelSeries) -> FloatArray:
         """Mapped labels (steps,).
@@ -147,16 +144,16 @@ class SimPretrainedMapper:
         by_row: dict[int, tuple[FloatArray, FloatArray]] = {}
         for rows in alike.values():
             people = [self.person(series[row].person) for row in rows]
-            motions = [motion_on_grid(series[row]) for row in rows] if self._context else None
+            motions = motions_on_grid([series[row] for row in rows]) if self._context else None
             with torch_threads(1):  # too little work to share between threads
                 mapped, stated = map_labels(
                     self._network,
                     self._model.style_readout,
-                    np.stack([person.coefficients for person in people]),
-                    np.stack([person.style for person in people]),
+                    KnownStyle.concatenate(people),
                     np.stack([grids[row].label for row in rows]),
                     np.stack([grids[row].present for row in rows]),
                     None if motions is None else np.stack(motions),
+                    self._trust,
                 )
             for row, labels, error in zip(rows, mapped, stated, strict=True):
                 given = np.isfinite(series[row].label)
@@ -166,7 +163,7 @@ class SimPretrainedMapper:
                 )
         return [by_row[row] for row in range(len(series))]
 
-    def person(self, person: str) -> EstimatedStyle:
+    def person(self, person: str) -> KnownStyle:
         """The calibrated style of a person.
 
         Raises:
@@ -181,8 +178,19 @@ class SimPretrainedMapper:
             UnknownPerson: the person was neither fitted nor calibrated.
         """
         readout = self._model.style_readout
-        values = readout[0] + self.person(person).style @ readout[1:]
+        values = readout[0] + self.person(person).style[0] @ readout[1:]
         return dict(zip(STYLE, values.tolist(), strict=True))
+
+    def is_unlike(self, person: str) -> bool:
+        """Whether a person's labels, or truths, are unlike any that pre-training has seen.
+
+        That is: two or more entries of w lie beyond four standard deviations of the simulated
+        people's, where they are cut off.
+
+        Raises:
+            UnknownPerson: the person was neither fitted nor calibrated.
+        """
+        return bool((np.abs(self.person(person).style[0]) >= LARGEST).sum() >= _UNLIKE)
 
     @property
     def error_scale(self) -> ErrorScale:
@@ -207,6 +215,11 @@ class SimPretrainedMapper:
     def fine_tuning_gain(self) -> float:
         """Share of the frozen network's error that fine-tuning took away on held-out rollouts."""
         return self._gain
+
+    @property
+    def trust(self) -> float:
+        """The share of the network's correction that counts, as the training people have it."""
+        return self._trust
 
     @property
     def people(self) -> tuple[str, ...]:

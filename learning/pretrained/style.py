@@ -14,6 +14,7 @@ import numpy as np
 from steerlab.learning.empirical_bayes.gaussian import Moments, Prior, fit_prior, posterior
 from steerlab.learning.empirical_bayes.grid import (
     BIAS,
+    FEATURES,
     RATE_HZ,
     GridSeries,
     at_stop,
@@ -21,22 +22,27 @@ from steerlab.learning.empirical_bayes.grid import (
     shifted,
     whole_window,
 )
-from steerlab.learning.errors import InvalidLabels
-from steerlab.learning.series import LabelSeries
 from steerlab.sim.arrays import BoolArray, FloatArray
 
 DELAYS_S = np.arange(-8, 13) * 0.1  # of the forward model's taps
 DEAD_ZONE_DELAYS_S = (0.0, 0.2, 0.4)
-FORWARD_FEATURES = len(DELAYS_S) + len(DEAD_ZONE_DELAYS_S) + 1
-FORWARD_BIAS = FORWARD_FEATURES - 1
+INVERSE_FEATURES = FEATURES + 1
+FORWARD_FEATURES = len(DELAYS_S) + len(DEAD_ZONE_DELAYS_S) + 2
+INVERSE_EVEN = (BIAS, FEATURES)  # features that keep their sign when left and right are exchanged
+FORWARD_EVEN = (FORWARD_FEATURES - 2, FORWARD_FEATURES - 1)
 COMPONENTS = 10  # principal components kept of either model
-STYLE_SIZE = 2 * COMPONENTS + 2 + 9
-SIGNED = (2 * COMPONENTS, 2 * COMPONENTS + 1)
-"""The entries of w that change sign when left and right are exchanged: the two biases."""
+_LAGS = (1, 2, 4, 8, 16, 32)  # samples at which labels and truths are compared with themselves
+_RESTS = (0.03, 0.1, 0.3)  # units of the truth: a wheel within them is at rest
+_SUMS = 8 + 2 * len(_LAGS) + len(_RESTS)
+STYLE_SIZE = 2 * COMPONENTS + 4 + 10 + 2 * len(_LAGS) + len(_RESTS) + 3
+SIGNED = tuple(range(2 * COMPONENTS, 2 * COMPONENTS + 4))
+"""Entries of w that change sign when left and right are exchanged: biases and one-sidedness."""
 
-_SUMS = 5
 _LEAST_GAIN = 0.1  # below it a response has no delay
-_LARGEST = 4.0  # standard deviations; what lies further out was never trained on
+_LEAST_UNIT = 1e-6
+_AT_STOP = FEATURES - 2  # its column in ``label_features``
+_MOST_SAMPLES = 2500.0  # of pre-training; more labels say no more
+LARGEST = 4.0  # standard deviations; what lies further out was never trained on
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -45,13 +51,16 @@ class StyleMoments:
 
     Attributes:
         inverse, forward: of each rollout.
-        sums: (rollouts, 5): samples, samples at the stop, label², squared second difference of
-            the label, truth².
+        sums: (rollouts, _SUMS): samples, samples at the stop, label², squared second difference of
+            the label, truth², |truth|, truths at the stop, labels that stay; squared changes of
+            label and of truth at ``_LAGS``; labels within ``_RESTS``.
+        unit: (rollouts,) what labels and truths were divided by: the size of the person's truths.
     """
 
     inverse: Moments
     forward: Moments
     sums: FloatArray
+    unit: FloatArray
 
     def __getitem__(self, rollouts: slice | list[int]) -> "StyleMoments":
         """The chosen rollouts."""
@@ -59,6 +68,7 @@ class StyleMoments:
             inverse=self.inverse[rollouts],
             forward=self.forward[rollouts],
             sums=self.sums[rollouts],
+            unit=self.unit[rollouts],
         )
 
     def __add__(self, other: "StyleMoments") -> "StyleMoments":
@@ -67,6 +77,7 @@ class StyleMoments:
             inverse=self.inverse + other.inverse,
             forward=self.forward + other.forward,
             sums=self.sums + other.sums,
+            unit=self.unit,
         )
 
     def summed(self, people: int) -> "StyleMoments":
@@ -75,6 +86,7 @@ class StyleMoments:
             inverse=self.inverse.summed(people),
             forward=self.forward.summed(people),
             sums=self.sums.reshape(people, -1, _SUMS).sum(axis=1),
+            unit=self.unit.reshape(people, -1)[:, 0],
         )
 
     def grouped(self, weights: FloatArray) -> "StyleMoments":
@@ -83,53 +95,78 @@ class StyleMoments:
             inverse=self.inverse.grouped(weights),
             forward=self.forward.grouped(weights),
             sums=weights @ self.sums,
+            unit=np.full(len(weights), self.unit[0]),
         )
 
 
-def style_moments(label: FloatArray, truth: FloatArray, valid: BoolArray) -> StyleMoments:
-    """Moments of rollouts of one length: all (rollouts, samples), at ``RATE_HZ``, bridged."""
+def style_moments(
+    label: FloatArray, truth: FloatArray, valid: BoolArray, unit: FloatArray
+) -> StyleMoments:
+    """Moments of rollouts of one length, at ``RATE_HZ``, bridged.
+
+    Args:
+        label, truth, valid: (rollouts, samples).
+        unit: (rollouts,) the size of the truths of each rollout's person; see ``truth_unit``.
+    """
     rows = valid & whole_window(valid)
     rows = np.where(rows.any(axis=-1, keepdims=True), rows, valid)
-    x = label_features(label)
-    free = rows & ~at_stop(label)  # a label at the stop says "at least": no linear model holds
+    stopped, truth_stopped = at_stop(label), at_stop(truth)
+    x = inverse_features(label, unit)
+    label, truth = label / unit[:, None], truth / unit[:, None]
+    free = rows & ~stopped  # a label at the stop says "at least": no linear model holds
     z = forward_features(truth)
     roughness = np.diff(label, 2, axis=-1, prepend=label[..., :1], append=label[..., -1:])
-    terms = np.stack(
-        [np.ones_like(label), at_stop(label), label**2, roughness**2, truth**2], axis=-1
-    )
+    terms = [np.ones_like(label), stopped, label**2, roughness**2, truth**2, np.abs(truth)]
+    terms += [truth_stopped, np.abs(label - shifted(label, -1)) < 1e-3]
+    for values in (label, truth):
+        terms += [np.square(values - shifted(values, -lag)) for lag in _LAGS]
+    terms += [np.abs(label) < rest for rest in _RESTS]
     return StyleMoments(
         inverse=_moments(x, truth, rows),
         forward=_moments(z, label, free),
-        sums=np.einsum("rsk,rs->rk", terms, rows.astype(np.float64)),
+        sums=np.stack([(term * rows).sum(axis=-1) for term in terms], axis=-1),
+        unit=unit,
     )
 
 
-def person_moments(series: Sequence[LabelSeries]) -> tuple[tuple[str, ...], StyleMoments]:
-    """People in order of appearance, and the sums of each over their rollouts.
+def study_prior(people: StyleMoments, temper: float = 0.1) -> Prior:
+    """What a study's people have in common, for the inverse model of another one of them.
 
     Raises:
-        InvalidLabels: no series, or someone without a valid label.
+        InvalidLabels: fewer than two people, or someone without a row.
     """
-    if not series:
-        raise InvalidLabels("No label series given; calibration needs at least one.")
-    people: dict[str, StyleMoments] = {}
-    for drive in series:
-        grid = GridSeries.from_series(drive)
-        sums = style_moments(grid.label[None], grid.truth[None], grid.valid[None])
-        people[drive.person] = people[drive.person] + sums if drive.person in people else sums
-    for person, sums in people.items():
-        if not sums.inverse.rows.any():
-            raise InvalidLabels(f"{person!r} has no valid label to calibrate on; label a rollout.")
-    return tuple(people), concatenate(list(people.values()))
+    return _symmetric(fit_prior(people.inverse, temper=temper), INVERSE_EVEN)
+
+
+def truth_unit(truth: FloatArray, valid: BoolArray) -> float:
+    """Root mean square of one person's valid truths, all samples; 1 if they are all 0."""
+    size = float(np.sqrt(np.square(truth[valid]).mean())) if valid.any() else 0.0
+    return size if size > _LEAST_UNIT else 1.0
+
+
+def inverse_features(label: FloatArray, unit: FloatArray) -> FloatArray:
+    """``label_features`` in units of the truth, and |label|: (rollouts, samples, features)."""
+    own = unit[:, None]
+    x = label_features(label / own)
+    x[..., _AT_STOP] = np.sign(label) * at_stop(label)
+    wide = (shifted(label, -1) + label + shifted(label, 1)) / (3.0 * own)
+    return np.concatenate([x, np.abs(wide)[..., None]], axis=-1)
+
+
+def unit_of(grids: Sequence[GridSeries]) -> FloatArray:
+    """The unit of one person from all their rollouts, (1,)."""
+    truth = np.concatenate([grid.truth for grid in grids])
+    return np.array([truth_unit(truth, np.concatenate([grid.valid for grid in grids]))])
 
 
 def forward_features(truth: FloatArray) -> FloatArray:
-    """Truth at each delay, a dead zone's shape at three, and 1: (..., samples, features)."""
+    """Truth at each delay, a dead zone's shape at three, |truth| and 1: (..., samples, features)."""
     smooth = 0.25 * (shifted(truth, -1) + 2.0 * truth + shifted(truth, 1))
     columns = [shifted(smooth, -round(delay_s * RATE_HZ)) for delay_s in DELAYS_S]
     kink = np.tanh(smooth / 0.2)
     columns += [shifted(kink, -round(delay_s * RATE_HZ)) for delay_s in DEAD_ZONE_DELAYS_S]
-    return np.stack([*columns, np.ones_like(truth)], axis=-1)
+    late = np.abs(shifted(smooth, -round(0.2 * RATE_HZ)))
+    return np.stack([*columns, late, np.ones_like(truth)], axis=-1)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -152,13 +189,13 @@ class StyleEncoder:
     @classmethod
     def fit(cls, moments: StyleMoments, temper: float = 0.1) -> "StyleEncoder":
         """Priors by EM over the people of ``moments``, axes from their posteriors."""
-        inverse = _symmetric(fit_prior(moments.inverse, temper=temper), BIAS)
-        forward = _symmetric(fit_prior(moments.forward, temper=temper), FORWARD_BIAS)
+        inverse = _symmetric(fit_prior(moments.inverse, temper=temper), INVERSE_EVEN)
+        forward = _symmetric(fit_prior(moments.forward, temper=temper), FORWARD_EVEN)
         raw = cls(
             inverse=inverse,
             forward=forward,
-            inverse_axes=_axes(inverse.covariance, BIAS),
-            forward_axes=_axes(forward.covariance, FORWARD_BIAS),
+            inverse_axes=_axes(inverse.covariance, INVERSE_EVEN),
+            forward_axes=_axes(forward.covariance, FORWARD_EVEN),
             offset=np.zeros(STYLE_SIZE),
             scale=np.ones(STYLE_SIZE),
         )
@@ -178,24 +215,34 @@ class StyleEncoder:
         """Inverse coefficients (people, features) and w (people, STYLE_SIZE)."""
         inverse = posterior(moments.inverse, self.inverse)
         forward = posterior(moments.forward, self.forward)
-        samples, stops, label, rough, truth = np.maximum(moments.sums, 1e-3).T
+        sums = np.maximum(moments.sums, 1e-3)
+        samples, stops, label, rough, truth, size, truth_stops, stays = sums[:, :8].T
+        label_changes, truth_changes = np.split(sums[:, 8 : 8 + 2 * len(_LAGS)], 2, axis=1)
+        rests = sums[:, 8 + 2 * len(_LAGS) :]
         raw = np.column_stack(
             [
                 (inverse.mean - self.inverse.mean) @ self.inverse_axes,
                 (forward.mean - self.forward.mean) @ self.forward_axes,
-                inverse.mean[:, BIAS],
-                forward.mean[:, FORWARD_BIAS],
+                inverse.mean[:, list(INVERSE_EVEN)],
+                forward.mean[:, list(FORWARD_EVEN)],
                 *_response(forward.mean),
                 np.log(inverse.noise),
                 np.log(forward.noise),
-                np.log(samples),
+                np.log(np.minimum(samples, _MOST_SAMPLES)),
                 np.sqrt(stops / samples),
                 np.log(label / truth + 1e-3),
                 np.log(rough / label + 1e-4),
+                np.log(moments.unit),
+                np.log(label_changes / label[:, None] + 1e-3),
+                np.log(truth_changes / truth[:, None] + 1e-3),
+                np.sqrt(rests / samples[:, None]),
+                np.sqrt(stays / samples),
+                np.sqrt(truth_stops / samples),
+                size / np.sqrt(samples * truth),
             ]
         )
         standard = (raw - self.offset) / self.scale
-        return inverse.mean, np.clip(standard, -_LARGEST, _LARGEST)
+        return inverse.mean, np.clip(standard, -LARGEST, LARGEST)
 
 
 def mirrored_style(style: FloatArray) -> FloatArray:
@@ -211,6 +258,7 @@ def concatenate(moments: Sequence[StyleMoments]) -> StyleMoments:
         inverse=Moments.concatenate([part.inverse for part in moments]),
         forward=Moments.concatenate([part.forward for part in moments]),
         sums=np.concatenate([part.sums for part in moments]),
+        unit=np.concatenate([part.unit for part in moments]),
     )
 
 
@@ -237,13 +285,13 @@ def _response(coefficients: FloatArray) -> tuple[FloatArray, FloatArray, FloatAr
     return np.log(gain), delay_s, np.sqrt(variance)
 
 
-def _symmetric(prior: Prior, bias: int) -> Prior:
-    """The prior with a mean bias of 0, since people lean to either side equally often."""
+def _symmetric(prior: Prior, even: tuple[int, int]) -> Prior:
+    """The prior with even features of mean 0, since people lean to either side equally often."""
     mean, covariance = prior.mean.copy(), prior.covariance.copy()
-    variance = covariance[bias, bias]
-    mean[bias] = 0.0
-    covariance[bias] = covariance[:, bias] = 0.0
-    covariance[bias, bias] = variance
+    among = covariance[np.ix_(even, even)]
+    mean[list(even)] = 0.0
+    covariance[list(even)] = covariance[:, list(even)] = 0.0
+    covariance[np.ix_(even, even)] = among
     return Prior(
         mean=mean,
         covariance=covariance,
@@ -253,10 +301,10 @@ def _symmetric(prior: Prior, bias: int) -> Prior:
     )
 
 
-def _axes(covariance: FloatArray, bias: int) -> FloatArray:
-    """Leading principal axes without the bias, scaled to unit prior variance."""
+def _axes(covariance: FloatArray, even: tuple[int, int]) -> FloatArray:
+    """Leading principal axes without the even features, scaled to unit prior variance."""
     others = covariance.copy()
-    others[bias] = others[:, bias] = 0.0
+    others[list(even)] = others[:, list(even)] = 0.0
     variances, axes = np.linalg.eigh(others)
     order = np.argsort(variances)[::-1][:COMPONENTS]
     axes = axes[:, order] * np.where(axes[:, order].sum(axis=0) < 0.0, -1.0, 1.0)

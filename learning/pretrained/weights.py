@@ -9,12 +9,12 @@ import torch
 from torch import Tensor
 
 from steerlab.learning.empirical_bayes.gaussian import Prior
-from steerlab.learning.empirical_bayes.grid import FEATURES
 from steerlab.learning.errors import InvalidCheckpoint
 from steerlab.learning.pretrained.model import PretrainedModel, ResidualConfig, ResidualNetwork
 from steerlab.learning.pretrained.style import (
     COMPONENTS,
     FORWARD_FEATURES,
+    INVERSE_FEATURES,
     STYLE_SIZE,
     StyleEncoder,
 )
@@ -30,7 +30,7 @@ from steerlab.sim.arrays import FloatArray
 from steerlab.sim.files.reading import reading
 
 FORMAT = "steerlab.sim_pretrained"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 WEIGHTS_FILE = "sim_pretrained.safetensors"
 _NETWORK = "network."
 _REMAKE = "make it again with python -m steerlab.learning.pretrained.train"
@@ -118,11 +118,11 @@ def load_shipped_model() -> PretrainedModel:
 
 def _shapes() -> dict[str, tuple[int, ...]]:
     return {
-        "inverse_mean": (FEATURES,),
-        "inverse_covariance": (FEATURES, FEATURES),
+        "inverse_mean": (INVERSE_FEATURES,),
+        "inverse_covariance": (INVERSE_FEATURES, INVERSE_FEATURES),
         "forward_mean": (FORWARD_FEATURES,),
         "forward_covariance": (FORWARD_FEATURES, FORWARD_FEATURES),
-        "inverse_axes": (FEATURES, COMPONENTS),
+        "inverse_axes": (INVERSE_FEATURES, COMPONENTS),
         "forward_axes": (FORWARD_FEATURES, COMPONENTS),
         "offset": (STYLE_SIZE,),
         "scale": (STYLE_SIZE,),

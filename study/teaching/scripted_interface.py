@@ -105,8 +105,8 @@ class LiveScriptedDevice:
     def __init__(self, teacher: Responding, live: LiveRound) -> None:
         self._name, self._round = teacher.name, live
         self._env = live.round_drive.env
-        labels = live.hands is TeacherAction.LABEL
-        self._live = LiveTeacher(teacher, "raw" if labels else "softened")
+        self._labels = live.hands is TeacherAction.LABEL
+        self._live = LiveTeacher(teacher, "raw" if self._labels else "softened")
         takes_over = live.hands is TeacherAction.TAKE_OVER
         self._gate = HeldGate(live.round_drive.gate) if takes_over else None
         self._last = DeviceSample(wheel=None, ok=False)
@@ -130,8 +130,10 @@ class LiveScriptedDevice:
     def read(self, step: int | None = None) -> DeviceSample:
         """The wheel for ``step``; without one, what was said last."""
         if step is not None:
-            truth = self._env.oracle(self._env.driving.state)
-            wheel = self._live.react(truth)
+            state = self._env.driving.state
+            truth = self._env.oracle(state)
+            robot = self._round.robot(state) if self._labels else nan
+            wheel = self._live.react(truth, robot)
             self._last = DeviceSample(wheel=wheel, buttons=self._pressed(step, wheel, truth))
         return self._last
 

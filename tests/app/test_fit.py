@@ -15,8 +15,8 @@ from steerlab.analysis.summary import Summary
 from steerlab.app import fit as fit_module
 from steerlab.app.cli import main
 from steerlab.app.fit import FitConfig
-from steerlab.learning import certainty, cross_validation, training_budget
-from steerlab.learning.baselines import BASELINES
+from steerlab.learning import baselines, certainty, training_budget
+from steerlab.learning.baselines import BASELINES, CEILING, FULL_ONLY
 from steerlab.learning.checkpoint import load_mapper
 from steerlab.learning.cross_validation import cross_validate
 from steerlab.learning.label_file import read_label_columns
@@ -276,7 +276,7 @@ def test_what_cannot_be_judged_is_said_in_summary_and_report(quick, tmp_path):
     summary = _summary(tmp_path / "out")
     judged = set(summary.splits["new"].improvement)
     assert judged | set(summary.left_out) == set(BASELINES)
-    assert set(summary.left_out) == {"no_embedding", "mind_meld_paper", "sim_pretrained_context"}
+    assert set(summary.left_out) == {*FULL_ONLY, "sim_pretrained_context", "no_labels"} - {CEILING}
     page = (tmp_path / "out" / "report" / "index.html").read_text()
     for key, why in summary.left_out.items():
         assert f"<code>{key}</code>" in page
@@ -325,13 +325,16 @@ def test_people_unlike_the_others_are_named_in_the_report(quick, tmp_path, monke
 
 @pytest.mark.slow
 def test_the_full_ladder_is_the_default(quick, tmp_path, monkeypatch):
-    monkeypatch.setattr(cross_validation, "PAPER", QUICK)
-    labels = _write(tmp_path / "labels.csv", _moving(_rows()))
+    for settings in ("PAPER", "PAPER_TEXT"):
+        monkeypatch.setattr(baselines, settings, QUICK)
+    labels = _write(tmp_path / "labels.csv", _moving(_rows(rollouts=6)))
     assert main(["fit", str(labels), "--out", str(tmp_path / "out"), "--folds", "2"]) == 0
     summary = _summary(tmp_path / "out")
     assert summary.left_out == {}
     for split in ("seen", "new"):
         assert set(summary.splits[split].improvement) == set(BASELINES)
+    page = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
+    assert "auto, the mapper to use here, blends" in page
 
 
 def test_two_rollouts_and_two_folds_are_enough(quick, tmp_path):

@@ -345,6 +345,20 @@ def test_the_command_refuses_such_a_mapper_and_leaves_no_folder(
 
 
 @pytest.mark.parametrize(
+    ("population", "family", "sparse"),
+    [
+        ("sparse", "scripted", True),
+        ("human", "sparse", True),
+        ("people", "scripted", False),
+    ],
+)
+def test_sparse_teachers_are_a_population_and_a_family(population, family, sparse):
+    teachers = sample_teachers(replace(CONFIG, population=population, family=family))
+    assert len(teachers) == CONFIG.teachers
+    assert [one.style.tolerance > 0.0 for one in teachers] == [sparse, sparse]
+
+
+@pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"learners": ("dager",)}, "No learner 'dager'; choose from bc, dagger"),
@@ -353,6 +367,7 @@ def test_the_command_refuses_such_a_mapper_and_leaves_no_folder(
         ({"family": "odd"}, "scripted, asymmetric"),
         ({"teachers": 0}, "teachers is 0"),
         ({"family": "fatigue"}, "add --population human"),
+        ({"family": "sparse"}, "add --population human"),
         ({"population": "narrow"}, "wide, paper"),
         ({"starts_on_the_way": 5}, "starts-on-the-way 5"),
     ],

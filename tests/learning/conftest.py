@@ -8,11 +8,15 @@ import pytest
 
 from steerlab.learning.baselines import (
     CEILING,
+    IdentityMapper,
     NoEmbeddingMapper,
     TrueStyleMapper,
     fit_baselines,
     left_out,
 )
+from steerlab.learning.baselines.auto import AutoMapper
+from steerlab.learning.baselines.choosing import choose
+from steerlab.learning.empirical_bayes.mapper import EmpiricalBayesMapper
 from steerlab.learning.mapper import LabelMapper, MindMeldMapper
 from steerlab.learning.presets import MapperConfig
 from steerlab.learning.series import CONTEXT, LabelSeries
@@ -125,11 +129,18 @@ def ladder(
     trained_apart = (
         NoEmbeddingMapper(BRIEF, seed=5),
         MindMeldMapper(BRIEF, seed=5, name="mind_meld_paper"),
+        MindMeldMapper(BRIEF, seed=5, name="mind_meld_paper_text"),
         TrueStyleMapper(styles, BRIEF, seed=5),
     )
     for mapper in trained_apart:
         mapper.fit(study.train_seen)
         mapper.calibrate(study.calibrate_new)
         baselines[mapper.name] = mapper
+    builders = {"identity": IdentityMapper, "eb_nonlinear": EmpiricalBayesMapper}
+    choice = replace(
+        choose(study.train_seen, builders, seed=5),
+        weights={"eb_nonlinear": 0.75, "mind_meld": 0.25},
+    )
+    baselines["auto"] = AutoMapper(baselines, choice)
     assert CEILING in baselines
     return baselines | {streaming.name: streaming}

@@ -9,7 +9,13 @@ from safetensors.torch import load_file, save_file
 from steerlab.learning.checkpoint import load_mapper, save_mapper
 from steerlab.learning.errors import InvalidCheckpoint, NotFitted
 from steerlab.learning.mapper import MindMeldMapper
-from steerlab.learning.presets import LAB, PAPER, MapperConfig, preset
+from steerlab.learning.presets import (
+    LAB,
+    PAPER,
+    PAPER_TEXT,
+    MapperConfig,
+    preset,
+)
 from steerlab.sim.errors import InvalidConfig
 
 
@@ -138,6 +144,7 @@ def test_sizes_that_a_header_makes_up_get_no_memory(path, trained, size):
     [
         ("window", "half_width_s", 1e9),
         ("window", "rate_hz", 1e30),
+        ("window", "half_width_steps", 10**9),
         ("training", "threads", 10**9),
     ],
 )
@@ -145,20 +152,37 @@ def test_settings_that_would_fill_the_memory_later_are_refused(path, trained, pa
     header = header_of(trained)
     changed = {**header["config"][part], name: value}
     rewrite(path, header | {"config": header["config"] | {part: changed}})
-    with pytest.raises(InvalidCheckpoint, match=r"mapper.*(more than 1000 samples|at most 1024)"):
+    with pytest.raises(
+        InvalidCheckpoint, match=r"mapper.*(more than 1000 samples|whole, 1 to 1000|at most 1024)"
+    ):
         load_mapper(path)
 
 
-@pytest.mark.parametrize("config", [LAB, PAPER])
+@pytest.mark.parametrize("config", [LAB, PAPER, PAPER_TEXT])
 def test_presets_survive_json(config: MapperConfig):
     assert MapperConfig.from_dict(json.loads(json.dumps(config.to_dict()))) == config
+
+
+def test_settings_of_before_are_read():
+    """Files written before windows in steps, sampled w and its start have no such fields."""
+    values = LAB.to_dict()
+    del values["window"]["half_width_steps"]
+    for name in ("sampled", "uniform_start", "least_factor"):
+        del values["training"][name]
+    assert MapperConfig.from_dict(values) == LAB
 
 
 def test_presets_by_name():
     assert preset("lab") is LAB
     assert preset("paper") is PAPER
-    assert (PAPER.network.embedding_size, PAPER.training.embedding_loss_weight) == (2, 1.0)
-    with pytest.raises(InvalidConfig, match="'papers'; choose one of lab, paper"):
+    assert preset("paper-text") is PAPER_TEXT
+    for config, weight, sampled in ((PAPER, 0.01, False), (PAPER_TEXT, 1.0, True)):
+        assert config.network.embedding_size == 2
+        assert config.training.embedding_loss_weight == weight
+        assert config.training.sampled is sampled
+    assert (PAPER.window.length, PAPER.training.share_per_epoch) == (25, 1.0)
+    assert PAPER.training.uniform_start
+    with pytest.raises(InvalidConfig, match="'papers'; choose one of lab, paper, paper-text"):
         preset("papers")
     with pytest.raises(InvalidConfig, match="unexpected keyword"):
         MapperConfig.from_dict({"window": {"wide": 1}, "network": {}, "training": {}})

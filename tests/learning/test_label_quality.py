@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -5,7 +7,7 @@ from hypothesis import strategies as st
 
 from steerlab.learning.baselines import IdentityMapper
 from steerlab.learning.errors import InvalidLabels
-from steerlab.learning.label_quality import label_quality, mapper_quality
+from steerlab.learning.label_quality import RESAMPLES, label_quality, mapper_quality, two_way_ci95
 from steerlab.learning.series import LabelSeries
 
 ARRAYS = {
@@ -115,3 +117,65 @@ def test_masked_steps_never_score():
     assert mapper_quality(IdentityMapper(), [one], rng()).labels == 1
     with pytest.raises(InvalidLabels, match="at least one"):
         mapper_quality(IdentityMapper(), [], rng())
+
+
+def _every_draw(before, after):
+    """Improvements of all equally likely draws of two people and of two drives, directly."""
+    found = []
+    for people in product(range(2), repeat=2):
+        for drives in product(range(2), repeat=2):
+            cells = [(person, drive) for person in people for drive in drives]
+            sums = [sum(errors[cell] for cell in cells) for errors in (before, after)]
+            found.append(1.0 - sums[1] / sums[0])
+    return found
+
+
+def test_two_way_interval_is_the_direct_one_of_a_small_table():
+    before = np.array([[4.0, 1.0], [2.0, 3.0]])
+    after = np.array([[1.0, 0.8], [1.9, 0.3]])
+    direct = _every_draw(before, after)  # 16: each extreme has a sixteenth of the probability
+    assert two_way_ci95(before, after, rng()) == (
+        pytest.approx(min(direct)),
+        pytest.approx(max(direct)),
+    )
+
+
+def test_two_way_interval_is_the_one_of_loops_over_rows():
+    """People of five drives each: resampled one draw after another, by their names."""
+    chance = np.random.default_rng(4)
+    before = chance.gamma(2.0, 1.0, (9, 5)) * chance.gamma(2.0, 1.0, 5)
+    after = before * chance.uniform(0.1, 0.6, (9, 1))
+    before[2, 3] = after[2, 3] = 0.0  # not scored
+    direct = []
+    for _ in range(RESAMPLES):
+        people, drives = chance.integers(9, size=9), chance.integers(5, size=5)
+        parts = [errors[people][:, drives].sum() for errors in (before, after)]
+        direct.append(1.0 - parts[1] / parts[0])
+    found = two_way_ci95(before, after, rng())
+    assert found == pytest.approx(tuple(np.percentile(direct, [2.5, 97.5])), abs=0.02)
+    assert two_way_ci95(before, after, rng()) == found
+
+
+def test_drives_that_differ_widen_the_interval():
+    """Drawing people alone, as in ``label_quality``, would not see it."""
+    before = np.ones((20, 5))
+    after = np.tile([0.1, 0.2, 0.5, 0.8, 0.9], (20, 1))
+    low, high = two_way_ci95(before, after, rng())
+    assert high - low > 0.4
+    one_drive = two_way_ci95(before[:, :1], after[:, :1], rng())
+    assert np.isnan(one_drive).all()
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        (np.ones(3), np.ones(3), "give .people, drives. of both"),
+        (np.ones((2, 3)), np.ones((3, 2)), r"are \(2, 3\) and \(3, 2\)"),
+        (np.ones((2, 2)), np.full((2, 2), np.nan), "not finite"),
+        (np.ones((2, 2)), -np.ones((2, 2)), "negative"),
+        (np.zeros((2, 2)), np.zeros((2, 2)), "no improvement is defined"),
+    ],
+)
+def test_what_gives_no_two_way_interval_is_said(before, after, said):
+    with pytest.raises(InvalidLabels, match=said):
+        two_way_ci95(before, after, rng())

@@ -28,7 +28,7 @@ from steerlab.learning.baselines.gain import DelayGrid
 from steerlab.learning.baselines.ridge import choose_penalty, features, ridge_sums
 from steerlab.learning.errors import InvalidLabels, NotFitted, UnknownPerson
 from steerlab.learning.label_quality import mapper_quality
-from steerlab.learning.presets import PAPER
+from steerlab.learning.presets import PAPER, PAPER_TEXT
 from steerlab.learning.series import LabelSeries
 from steerlab.learning.splits import StudySplit
 from steerlab.learning.windows import WindowConfig
@@ -50,15 +50,16 @@ def improvement(mapper, series) -> float:
 
 def test_the_keys_are_those_agreed():
     assert BASELINES == (
-        "identity", "shared_gain", "person_gain", "person_gain_lag", "shared_ridge",
-        "person_ridge", "no_embedding", "mean_embedding", "shuffled_embedding", "mind_meld",
-        "mind_meld_paper", "eb_nonlinear", "sim_pretrained", "sim_pretrained_context",
+        "identity", "no_labels", "shared_gain", "person_gain", "person_gain_lag",
+        "shared_ridge", "person_ridge", "no_embedding", "mean_embedding", "shuffled_embedding",
+        "mind_meld", "mind_meld_paper", "mind_meld_paper_text", "eb_nonlinear", "sim_pretrained",
+        "sim_pretrained_context", "auto",
     )  # fmt: skip
 
 
 def test_a_quick_ladder_lacks_what_must_be_trained(trained, study):
     without = left_out([study], trained.config, full=False)
-    assert set(without) == {"no_embedding", "mind_meld_paper"}
+    assert set(without) == set(FULL_ONLY) - {CEILING}
     told: list[float] = []
     quick = fit_baselines(trained, study, seed=0, on_step=told.append, without=without)
     assert list(quick) == [name for name in BASELINES if name not in FULL_ONLY]
@@ -99,8 +100,9 @@ PRETRAINED = {"sim_pretrained", "sim_pretrained_context"}
 def test_nothing_is_left_out_without_a_reason(trained, study):
     assert left_out([study], trained.config, full=True, styles_known=True) == {}
     why = left_out([study], PAPER, full=True)
-    assert set(why) == {"mind_meld_paper"}
-    assert "the paper’s settings" in why["mind_meld_paper"]
+    assert why == {"mind_meld_paper": "mind_meld itself has these settings here"}
+    text = left_out([study], PAPER_TEXT, full=True)
+    assert set(text) == {"mind_meld_paper_text"}
     quick = left_out([study], trained.config, full=False, styles_known=True)
     assert set(quick) == set(FULL_ONLY)
 
@@ -109,12 +111,12 @@ def test_without_the_cars_motion_the_rung_that_reads_it_is_left_out(trained, stu
     one = study.train_seen[0]
     bare = changed(study, context=np.empty((0, 0)), context_names=())
     why = left_out([study, bare], trained.config, full=True)
-    assert set(why) == {"sim_pretrained_context"}
+    assert set(why) == {"sim_pretrained_context", "no_labels"}
     assert "yaw_rate_radps, speed_mps, robot_wheel" in why["sim_pretrained_context"]
     wild = replace(one, context=one.context + np.array([0.0, 0.0, 25.0]))
     other_units = replace(study, train_seen=(wild, *study.train_seen[1:]))
     why = left_out([other_units], trained.config, full=True)
-    assert set(why) == {"sim_pretrained_context"}
+    assert set(why) == {"sim_pretrained_context", "no_labels"}
     assert "robot_wheel reaches 10 times" in why["sim_pretrained_context"]
     degrees = replace(one, context=one.context + np.array([40.0, 0.0, 0.0]))
     in_degrees = replace(study, calibrate_new=(degrees, *study.calibrate_new[1:]))
@@ -149,6 +151,8 @@ def test_one_training_rollout_leaves_no_ridge_to_choose(trained, study):
     assert set(left_out([study, one], trained.config, full=True)) == {
         "shared_ridge",
         "person_ridge",
+        "no_labels",
+        "auto",
     }
     people = list(dict.fromkeys(s.person for s in study.train_seen))
     rollouts = list(dict.fromkeys(s.rollout for s in study.train_seen))
@@ -156,7 +160,7 @@ def test_one_training_rollout_leaves_no_ridge_to_choose(trained, study):
     each = replace(
         study, train_seen=tuple(s for s in study.train_seen if s.rollout == own[s.person])
     )
-    assert set(left_out([each], trained.config, full=True)) == {"person_ridge"}
+    assert set(left_out([each], trained.config, full=True)) == {"person_ridge", "auto"}
 
 
 def test_one_training_person_gives_no_prior(trained, study):
@@ -313,6 +317,13 @@ def test_without_embedding_people_are_mapped_alike(ladder, study, quick_config):
     np.testing.assert_array_equal(mapper.map(one), mapper.map(stranger))
     with pytest.raises(NotFitted, match="call fit"):
         NoEmbeddingMapper(quick_config, seed=0).map(one)
+
+
+def test_the_ceilings_w_is_as_large_as_it_was_unless_somebody_is_sparse(people):
+    styles = {one.name: one.style for one in people["seen"]}
+    assert TrueStyleMapper(styles, seed=0).config.network.embedding_size == 9
+    styles["sparse"] = TeacherStyle(tolerance=0.5)
+    assert TrueStyleMapper(styles, seed=0).config.network.embedding_size == 10
 
 
 def test_the_ceiling_is_told_the_style_and_uses_it(ladder, study, people):

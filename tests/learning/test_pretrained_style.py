@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from steerlab.learning.empirical_bayes.grid import RATE_HZ
-from steerlab.learning.errors import UnknownPerson
-from steerlab.learning.pretrained.ceiling import CeilingMapper
 from steerlab.learning.pretrained.drives import generate_drives
 from steerlab.learning.pretrained.model import Alignment
 from steerlab.learning.pretrained.style import (
@@ -16,8 +14,8 @@ from steerlab.learning.pretrained.style import (
     forward_features,
     mirrored_style,
     style_moments,
+    truth_unit,
 )
-from steerlab.learning.pretrained.teachers import STYLE, known_readout, known_style
 from steerlab.learning.pretrained.weights import load_shipped_model
 from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.vehicle import WHEEL_LIMIT
@@ -37,7 +35,9 @@ def test_labels_at_the_stop_do_not_enter_the_forward_model():
     label = truth.copy()
     label[0, 100:110] = WHEEL_LIMIT
     valid = np.ones((1, 200), dtype=bool)
-    free, clipped = style_moments(truth, truth, valid), style_moments(label, truth, valid)
+    unit = np.ones(1)
+    free = style_moments(truth, truth, valid, unit)
+    clipped = style_moments(label, truth, valid, unit)
     assert free.forward.rows[0] - clipped.forward.rows[0] == 10
     assert free.inverse.rows[0] == clipped.inverse.rows[0]
 
@@ -45,7 +45,7 @@ def test_labels_at_the_stop_do_not_enter_the_forward_model():
 def test_moments_of_rollouts_add_up():
     rng = np.random.default_rng(1)
     label, truth = rng.normal(0.0, 0.7, (2, 4, 100))
-    moments = style_moments(label, truth, np.ones((4, 100), dtype=bool))
+    moments = style_moments(label, truth, np.ones((4, 100), dtype=bool), np.ones(4))
     by_weights = moments.grouped(np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]]))
     by_order = moments.summed(2)
     np.testing.assert_allclose(by_weights.sums, by_order.sums)
@@ -62,7 +62,9 @@ def test_gain_and_delay_of_a_noise_free_teacher_are_read(gain: float, delay_s: f
 
     model = load_shipped_model()
     label, truth = gain * truth_at(t_s - delay_s), truth_at(t_s)
-    moments = style_moments(label[None], truth[None], np.ones((1, 300), dtype=bool))
+    valid = np.ones((1, 300), dtype=bool)
+    unit = np.array([truth_unit(truth, valid[0])])
+    moments = style_moments(label[None], truth[None], valid, unit)
     _, style = model.encoder(moments)
     alignment = Alignment.from_style(style, model.style_readout)
     assert alignment.gain[0] == pytest.approx(gain, rel=0.2)
@@ -70,25 +72,26 @@ def test_gain_and_delay_of_a_noise_free_teacher_are_read(gain: float, delay_s: f
     assert np.abs(style).max() <= 4.0
 
 
+def test_what_labels_are_measured_in_changes_nothing_but_the_unit():
+    """Twice the labels and truths, far from the stop, are the same style in a larger unit."""
+    rng = np.random.default_rng(5)
+    truth = np.cumsum(rng.normal(0.0, 0.05, 300)).clip(-1.0, 1.0)
+    label = (0.7 * truth + rng.normal(0.0, 0.05, 300)).clip(-1.0, 1.0)
+    valid = np.ones((1, 300), dtype=bool)
+    model = load_shipped_model()
+    found = []
+    for scale in (1.0, 2.0):
+        unit = np.array([truth_unit(scale * truth, valid[0])])
+        one = style_moments(scale * label[None], scale * truth[None], valid, unit)
+        found.append(model.encoder(one))
+    np.testing.assert_allclose(found[0][0], found[1][0], rtol=1e-6, atol=1e-9)
+    assert (np.abs(found[0][1] - found[1][1]) > 1e-6).sum() == 1
+
+
 def test_mirroring_a_style_twice_gives_it_back():
     style = np.random.default_rng(2).normal(size=(3, STYLE_SIZE))
     np.testing.assert_array_equal(mirrored_style(mirrored_style(style)), style)
     assert (mirrored_style(style)[:, list(SIGNED)] == -style[:, list(SIGNED)]).all()
-
-
-def test_true_parameters_survive_the_place_of_w():
-    parameters = np.random.default_rng(3).normal(size=(5, len(STYLE)))
-    readout = known_readout()
-    np.testing.assert_allclose(readout[0] + known_style(parameters) @ readout[1:], parameters)
-
-
-def test_the_ceiling_needs_everyones_truth(study, people):
-    styles = {one.name: one.style for one in people["seen"]}
-    mapper = CeilingMapper(load_shipped_model(), styles)
-    mapper.fit(study.train_seen)
-    assert np.isfinite(mapper.map(study.held_out_seen[0])).all()
-    with pytest.raises(UnknownPerson, match="true style"):
-        mapper.calibrate(study.calibrate_new)
 
 
 def test_no_worlds_are_refused():

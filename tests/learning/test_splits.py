@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steerlab.learning import training_budget
-from steerlab.learning.baselines import BASELINES
+from steerlab.learning.baselines import BASELINES, CEILING, FULL_ONLY
 from steerlab.learning.cross_validation import cross_validate
 from steerlab.learning.errors import InvalidLabels
 from steerlab.learning.label_table import GivenSeries, LabelScale, LabelTable
@@ -18,7 +18,9 @@ from steerlab.learning.splits import plan_folds, split_rollouts, split_study
 from steerlab.learning.training import TrainingConfig
 from steerlab.learning.training_budget import (
     LEAST_TRAINING_STEPS,
+    fit_long_enough,
     fit_within_budget,
+    valid_labels,
     with_enough_steps,
     within_budget,
 )
@@ -366,7 +368,7 @@ def test_every_method_is_judged_or_said_to_be_left_out():
     )
     for ladder in quick.quality.values():
         assert set(ladder) == set(BASELINES) - set(quick.left_out)
-    assert set(quick.left_out) == {"no_embedding", "mind_meld_paper", "sim_pretrained_context"}
+    assert set(quick.left_out) == {*FULL_ONLY, "sim_pretrained_context", "no_labels"} - {CEILING}
 
 
 def test_a_method_that_one_fold_cannot_judge_is_left_out_of_all():
@@ -430,3 +432,49 @@ def test_small_tables_are_trained_long_enough(monkeypatch):
         assert LAB.training.steps(labels) >= LEAST_TRAINING_STEPS
         assert with_enough_steps(LAB, labels) == LAB
     assert with_enough_steps(LAB, 100_000) == LAB
+
+
+def _gains(people: int, drives: int, noise: float) -> list[LabelSeries]:
+    """People who multiply by a gain, and add noise."""
+    rng = np.random.default_rng(3)
+    truths = [0.5 * np.sin(0.2 * np.arange(60) + rng.uniform(0.0, 6.0)) for _ in range(drives)]
+    return [
+        LabelSeries(
+            person=f"p{person}",
+            rollout=f"r{number}",
+            rate_hz=20.0,
+            label=gain * truth + noise * rng.normal(size=60),
+            truth=truth,
+            valid=np.ones(60, dtype=bool),
+        )
+        for person, gain in enumerate(np.linspace(0.3, 1.8, people))
+        for number, truth in enumerate(truths)
+    ]
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+def test_clean_labels_are_learned_for_longer_and_noisy_ones_are_not(monkeypatch, noise):
+    monkeypatch.setattr(training_budget, "LEAST_TRAINING_STEPS", 60)
+    monkeypatch.setattr(training_budget, "LONGER", 5)
+    monkeypatch.setattr(training_budget, "CLEAN", 1.0)  # held-out labels alone decide
+    series = _gains(6, 5, noise)
+    config = replace(QUICK, training=replace(LAB.training, epochs=1))
+    found = fit_long_enough(series, config, 0, "x", _silent).config
+    enough = with_enough_steps(config, valid_labels(series))
+    if noise > 0.0:
+        assert found == enough
+        return
+    steps = enough.training.steps(valid_labels(series))
+    assert found.training.steps(valid_labels(series)) >= training_budget.LONGER * steps
+    settled = replace(config, training=replace(config.training, longer_if_clean=False))
+    assert fit_long_enough(series, settled, 0, "x", _silent).config.training.epochs == (
+        enough.training.epochs
+    )
+
+
+def test_too_few_drives_to_hold_one_out_are_trained_as_before():
+    for drives, held in ((2, 0), (3, 1), (12, 2)):
+        rest, out = training_budget._hold_out(_gains(3, drives, 0.0))
+        assert len({one.rollout for one in out}) == held
+        assert not {one.rollout for one in rest} & {one.rollout for one in out}
+        assert len(rest) + len(out) == 3 * drives

@@ -151,3 +151,26 @@ def test_someone_without_a_valid_label_is_named(study):
 def test_impossible_settings_are_refused(name, value):
     with pytest.raises(InvalidConfig, match=name):
         TrainingConfig(**{name: value})
+
+
+def test_as_the_authors_code_does_it_w_starts_within_0_and_1_and_is_not_sampled(windows):
+    still = replace(SHORT, epochs=1, rate=1e-9, mirror=False, uniform_start=True)
+    w = train(windows, NetworkConfig(embedding_size=2), still, 0).embeddings
+    assert 0.0 <= w.min() < 0.3 < 0.7 < w.max() <= 1.0
+    network = MindMeld(NetworkConfig(), torch.Generator().manual_seed(0))
+    row = torch.arange(8)
+    losses = {
+        (sampled, seed): mind_meld_loss(
+            network,
+            windows.inputs[row],
+            windows.difference[row],
+            torch.zeros(8, 4),
+            0.01,
+            torch.Generator().manual_seed(seed),
+            sampled=sampled,
+        ).embedding.item()
+        for sampled in (False, True)
+        for seed in (1, 2)
+    }
+    assert losses[False, 1] == losses[False, 2]
+    assert losses[True, 1] != losses[True, 2]

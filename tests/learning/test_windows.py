@@ -103,6 +103,29 @@ def test_difference_is_label_minus_truth():
     assert make_windows([one], WindowConfig()).difference.tolist() == [0.75, -1.0]
 
 
+@pytest.mark.parametrize("rate_hz", [5.0, 20.0, 60.0, 12.7])
+def test_a_window_in_steps_reads_the_table_step_by_step_at_any_rate(rate_hz):
+    window = WindowConfig(half_width_steps=2)
+    label = np.array([0.5, -1.0, 2.0, 0.25, 1.0, -0.5])
+    cut = make_windows([series(label, rate_hz)], window)
+    assert (window.length, window.span, str(window)) == (5, "5 steps", "±2 steps")
+    assert window.reach_steps(rate_hz) == 2.0
+    np.testing.assert_array_equal(cut.inputs[2, :, 0], label[:5].astype(np.float32))
+    np.testing.assert_array_equal(cut.inputs[0, :, 1], [0, 0, 1, 1, 1])
+
+
+def test_a_window_in_steps_may_not_look_ahead_by_seconds():
+    for changes in ({"half_width_steps": 0}, {"half_width_steps": 2, "look_ahead_s": 0.5}):
+        with pytest.raises(InvalidConfig, match=r"half_width_s|half_width_steps"):
+            WindowConfig(**changes)
+    one = WindowConfig(look_ahead_s=0.2)
+    assert (one.span, one.reach_steps(20.0), str(one)) == (
+        "2 s",
+        20.0,
+        "±1 s at 10 Hz, 0.2 s ahead",
+    )
+
+
 def test_no_series_and_impossible_windows_are_errors():
     with pytest.raises(InvalidLabels, match="at least one"):
         make_windows([], WindowConfig())

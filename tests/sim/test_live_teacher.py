@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,29 @@ def test_whoever_only_looks_back_drives_as_they_would_label(style, make_rollout)
     teacher = ScriptedTeacher("one", style, seed=3)
     whole = teacher.respond(make_rollout(oracle, name="drive"), order=0, attempt=0)
     assert _live(teacher, oracle) == pytest.approx(whole)
+
+
+def test_who_is_sparse_corrects_a_robot_they_watch_as_they_would_label(make_rollout):
+    oracle = np.sin(np.arange(STEPS) / 8.0)
+    robot = np.where(np.arange(STEPS) < 30, oracle + 0.2, -0.3)
+    style = TeacherStyle(gain=1.2, delay_s=0.13, lag_s=0.1, constant_noise=0.1, tolerance=0.5)
+    teacher = ScriptedTeacher("one", style, seed=3)
+    rollout = replace(make_rollout(oracle, name="drive"), robot_wheel=robot)
+    whole = teacher.respond(rollout, order=0, attempt=0)
+    live = LiveTeacher(teacher, "raw")
+    live.begin(_sitting())
+    labels = [live.react(*both) for both in zip(oracle, robot, strict=True)]
+    assert labels == pytest.approx(whole)
+    assert 20 < np.count_nonzero(whole == 0.0) < 50
+
+
+@pytest.mark.parametrize("driving", ["softened", "raw"])
+def test_who_drives_steers_all_the_time_however_sparsely_they_correct(driving):
+    oracle = 0.4 * np.sin(np.arange(STEPS) / 8.0)
+    style = TeacherStyle(delay_s=0.13, constant_noise=0.1)
+    always = _live(ScriptedTeacher("one", style, 0), oracle, driving)
+    sparse = _live(ScriptedTeacher("one", replace(style, tolerance=0.5), 0), oracle, driving)
+    assert sparse.tolist() == always.tolist()
 
 
 def test_nobody_sees_the_future_at_the_wheel():

@@ -1,11 +1,17 @@
 """Populations: what is drawn, from what, and that no two people share a seed."""
 
+from dataclasses import replace
+from typing import get_args
+
 import numpy as np
 import pytest
 
 from steerlab.sim import populations
+from steerlab.sim.calibration_set import load_calibration_set
 from steerlab.sim.errors import InvalidConfig
-from steerlab.sim.populations import sample_population
+from steerlab.sim.populations import PopulationKind, sample_population
+
+GOLDEN = [(0.421302, -0.3), (0.935115, 0.097954), (1.116034, 0.177737), (0.875304, -0.075895)]
 
 
 def test_pseudonyms_come_from_the_prefix():
@@ -13,7 +19,7 @@ def test_pseudonyms_come_from_the_prefix():
     assert names == ["new-000", "new-001", "new-002"]
 
 
-@pytest.mark.parametrize("kind", ["paper", "low", "human", "high"])
+@pytest.mark.parametrize("kind", get_args(PopulationKind))
 def test_same_seed_same_people_and_more_people_keep_the_first(kind):
     few = sample_population(kind, 5, 4, prefix="seen")
     many = sample_population(kind, 9, 4, prefix="seen")
@@ -46,6 +52,59 @@ def test_styles_follow_the_stated_distributions():
     assert np.median(noise) == pytest.approx(0.25, rel=0.05)
 
 
+def test_earlier_populations_are_not_redrawn():
+    """Rounded values of before there were ``people`` and ``sparse``."""
+    drawn = [sample_population(k, 1, 0, prefix="p")[0] for k in ("paper", "low", "human", "high")]
+    found = [(round(one.style.gain, 6), round(one.style.delay_s, 6)) for one in drawn]
+    assert found == GOLDEN
+
+
+def test_people_are_as_they_were_measured():
+    drawn = sample_population("people", 3000, 0, prefix="p")
+    delay_s = np.array([one.style.delay_s for one in drawn])
+    blind = delay_s > 0.27  # three standard deviations from either half's mean
+    assert blind.mean() == pytest.approx(0.5, abs=0.03)
+    assert (delay_s[blind].mean(), delay_s[blind].std()) == pytest.approx((0.36, 0.03), abs=0.005)
+    assert delay_s[~blind].mean() == pytest.approx(0.01, abs=0.01)
+    assert delay_s[~blind].std() == pytest.approx(0.09, abs=0.01)
+    assert 0.05 < np.log([one.style.gain for one in drawn]).std() < 0.09
+    rms = populations.ORACLE_RMS
+    noise = np.array([one.style.constant_noise for one in drawn])
+    assert 0.22 * rms <= noise.min() < 0.23 * rms
+    assert 0.43 * rms < noise.max() <= 0.44 * rms
+    times_s = [one.style.noise_time_s for one in drawn]
+    assert 0.7 <= min(times_s) < max(times_s) <= 1.0
+    assert {one.style.signal_noise for one in drawn} == {0.0}
+    assert delay_s.mean() == pytest.approx(populations.PEOPLE.delay_mean_s, abs=0.01)
+    assert delay_s.std() == pytest.approx(populations.PEOPLE.delay_std_s, abs=0.005)
+
+
+def test_the_unit_of_peoples_noise_is_the_calibration_sets():
+    truth = np.concatenate([one.oracle_label[one.oracle_valid] for one in load_calibration_set()])
+    assert np.sqrt(np.mean(truth**2)) == pytest.approx(populations.ORACLE_RMS, abs=0.01)
+
+
+def test_sparse_people_are_human_but_rest_for_half_of_the_calibration_set():
+    rollouts = load_calibration_set()
+    apart = np.concatenate(
+        [np.abs(one.oracle_label - one.robot_wheel)[one.oracle_valid] for one in rollouts]
+    )
+    assert (apart <= 0.5).mean() == pytest.approx(0.54, abs=0.01)
+    sparse = sample_population("sparse", 40, 0, prefix="p")
+    tolerances = [one.style.tolerance for one in sparse]
+    assert np.mean(tolerances) == pytest.approx(0.5, abs=0.05)
+    assert 0.3 <= min(tolerances) < max(tolerances) <= 0.7
+    rests, agrees = [], []
+    for one in sparse:
+        always = replace(one, style=replace(one.style, tolerance=0.0))
+        for order, rollout in enumerate(rollouts):
+            label = one.respond(rollout, order=order, attempt=0)
+            rests.append(label == 0.0)
+            agrees.append(label == always.respond(rollout, order=order, attempt=0))
+    assert 0.45 < np.concatenate(rests).mean() < 0.58
+    assert np.concatenate(agrees).mean() < 0.5
+
+
 def test_noise_grows_from_low_to_high():
     levels = (populations.LOW, populations.HUMAN, populations.HIGH)
     for name in ("constant_noise", "signal_noise", "dead_zone", "bias_std", "drift_std"):
@@ -65,7 +124,7 @@ def test_paper_people_are_noise_free_and_over_or_under_correct():
 @pytest.mark.parametrize(
     ("kind", "count", "seed", "prefix", "message"),
     [
-        ("humans", 3, 0, "p", "'humans'; choose one of paper, low, human, high"),
+        ("humans", 3, 0, "p", "'humans'; choose one of paper, low, human, high, people, sparse"),
         ("human", 0, 0, "p", "at least 1"),
         ("human", -4, 0, "p", "at least 1"),
         ("human", 3, -1, "p", "non-negative"),

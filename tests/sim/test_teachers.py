@@ -1,6 +1,7 @@
 """One contract for every teacher; properties of the scripted ones."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -39,6 +40,8 @@ TEACHERS: dict[str, Callable[[], Teacher]] = {
     "low": lambda: sample_population("low", 1, 0, prefix="t")[0],
     "human": lambda: sample_population("human", 1, 0, prefix="t")[0],
     "high": lambda: sample_population("high", 1, 0, prefix="t")[0],
+    "people": lambda: sample_population("people", 1, 0, prefix="t")[0],
+    "sparse": lambda: sample_population("sparse", 1, 0, prefix="t")[0],
 }
 
 
@@ -160,6 +163,35 @@ def test_dead_zone_ignores_small_stimuli_without_a_jump(make_rollout):
     np.testing.assert_allclose(label, [0.0, 0.0, 0.2, -0.7])
 
 
+def test_who_is_satisfied_rests_and_hovering_about_the_tolerance_changes_nothing(make_rollout):
+    truth = np.array([0.3, 0.55, 0.7, 0.5, 0.45, 0.3, 0.5, 0.55, -0.7, -0.5])
+    label = respond(TeacherStyle(tolerance=0.5), make_rollout(truth))  # the robot's wheel is at 0
+    corrects = np.array([0, 0, 1, 1, 1, 0, 0, 0, 1, 1])  # begins above .6, ends below .4
+    np.testing.assert_array_equal(label, truth * corrects)
+
+
+def test_what_counts_is_how_far_the_robot_is_off_and_not_how_far_the_way_turns(make_rollout):
+    truth = np.full(40, 1.0)
+    robot = np.r_[np.full(20, 1.2), np.full(20, 0.0)]
+    rollout = replace(make_rollout(truth), robot_wheel=robot)
+    style = TeacherStyle(tolerance=0.5, gain=0.8, bias=0.1, constant_noise=0.05)
+    label = respond(style, rollout)
+    assert (label[:20] == 0.0).all()  # neither bias nor noise moves a wheel that is let go
+    assert label[20:].mean() == pytest.approx(0.9, abs=0.05)
+    late = respond(replace(style, delay_s=0.25), rollout)
+    assert (late[:24] == 0.0).all()
+    assert (late[25:] != 0.0).all()
+    slow = respond(TeacherStyle(tolerance=0.5, lag_s=0.2), rollout)
+    assert 0.0 < slow[20] < slow[21] < slow[39] < 1.0
+
+
+def test_without_tolerance_a_perfect_robot_is_corrected_too(waves):
+    rollout = waves()
+    perfect = replace(rollout, robot_wheel=rollout.oracle_label)
+    np.testing.assert_array_equal(respond(NOISY, perfect), respond(NOISY, rollout))
+    assert (respond(replace(NOISY, tolerance=0.1), perfect) == 0.0).all()
+
+
 def test_drift_changes_gain_over_the_session(waves):
     style = TeacherStyle(gain=0.5, drift=0.1)
     rollout = waves()
@@ -218,6 +250,7 @@ def test_a_rollout_without_any_oracle_label_is_an_error(make_rollout):
         ("dead_zone", -1.0),
         ("signal_noise", -0.1),
         ("delay_s", float("inf")),
+        ("tolerance", -0.5),
     ],
 )
 def test_impossible_styles_are_refused(field: str, value: float):

@@ -79,6 +79,9 @@ def test_every_answer_is_allowed_and_none_is_missing(key, success):
         ("delay", "paper", 0.3),
         ("gain", "low", 0.0),
         ("delay", "high", 0.9),
+        ("gain", "people", 0.5),
+        ("delay", "people", 0.5),
+        ("gain", "sparse", 0.5),
     ],
 )
 def test_a_planted_correlation_is_recovered(style, population, planted):

@@ -4,6 +4,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -26,6 +27,7 @@ from steerlab.sim.errors import InvalidConfig
 from steerlab.sim.live_teacher import LiveTeacher
 from steerlab.sim.records import Driver, table_from_steps
 from steerlab.sim.rollout import Outcome
+from steerlab.sim.scripted_teacher import ScriptedTeacher
 from steerlab.sim.tasks import NAMED_TASKS
 from steerlab.study.contract import PhaseKind, PhaseState
 from steerlab.study.protocol import CONDITIONS, TASKS
@@ -312,6 +314,26 @@ def test_what_the_robot_saw_can_be_seen_again_from_its_poses(folder, script, sho
         noise = (executed - table["teacher_label"].to_numpy())[:40].reshape(-1, 2)
         np.testing.assert_allclose(noise[:, 0], noise[:, 1], atol=1e-12)  # one value a decision
         assert noise.std() > 0.2
+
+
+def test_who_is_sparse_rests_while_the_robot_they_label_is_right(script, short_world):
+    tolerant = ScriptedTeacher("t", replace(script.teacher.style, tolerance=4.9), 0)
+    labels = {}
+    for condition in ("bc", "dagger"):
+        mode = TAUGHT[condition]
+        gate = catalogue.make_agent(mode.learner, {}).gate
+        with TaskEnv(run_teaching.make_task("easy", noise=0.5), seed=0) as env:
+            context = env.context("one", number=1, order=0, attempt=0)
+            drive = RoundDrive(
+                env=env, context=context, gate=gate, learner=PolicyLearner(2), seed=1
+            )
+            live = make_live_round(drive, mode)
+            device = LiveScriptedDevice(tolerant, live)
+            device.begin(None, order=0, attempt=0)
+            env.driving.reset(start=drive.start.pose)
+            labels[condition] = [device.read(step).wheel for step in range(3)]
+    assert labels["dagger"] == [0.0, 0.0, 0.0]  # a label of 0, not none
+    assert 0.0 not in labels["bc"]  # at the wheel nobody rests
 
 
 @pytest.mark.parametrize("condition", ["bc", "dagger"])

@@ -13,7 +13,7 @@ from steerlab.teleop.devices.virtual import VirtualJoystick
 ROLLOUT = load_calibration_set()[3]
 
 
-@pytest.mark.parametrize("kind", ["paper", "low", "human", "high"])
+@pytest.mark.parametrize("kind", ["paper", "low", "human", "high", "people", "sparse"])
 def test_a_scripted_device_says_bit_for_bit_what_its_teacher_says(kind):
     device = open_device(f"scripted:{kind}:3")
     (teacher,) = sample_population(kind, 1, 3, prefix="scripted")
