@@ -3,11 +3,18 @@
 import os
 import shutil
 from collections.abc import Iterator
-from errno import EEXIST, ENOENT, ENOTEMPTY
+from errno import EEXIST, EISDIR, ENOENT, ENOTDIR, ENOTEMPTY
 from pathlib import Path
 from time import sleep
 
 _TRIES, _PAUSE_S = 20, 0.05
+_OTHERS_ARE_AT_IT = (
+    ENOENT,
+    ENOTEMPTY,
+    EEXIST,
+    EISDIR,
+    ENOTDIR,
+)  # gone, filled, or of another kind by now
 
 
 def entries_of(folder: Path) -> list[Path]:
@@ -54,6 +61,6 @@ def remove(path: Path) -> None:
                 path.unlink(missing_ok=True)
             return
         except OSError as error:
-            if error.errno not in (ENOENT, ENOTEMPTY, EEXIST) or not left:
+            if error.errno not in _OTHERS_ARE_AT_IT or not left:
                 raise
         sleep(_PAUSE_S)

@@ -1,7 +1,8 @@
 """A folder in which somebody else is at work."""
 
 import os
-from errno import EACCES, ENOTEMPTY
+from errno import EACCES, EISDIR, ENOTEMPTY
+from pathlib import Path
 from threading import Event, Thread
 
 import pytest
@@ -55,6 +56,24 @@ def test_what_others_remove_or_add_to_is_removed(tmp_path):
     remove(folder)
     assert not folder.exists()
     remove(folder)
+
+
+def test_a_file_in_whose_place_a_folder_is_made_meanwhile_is_removed_all_the_same(
+    tmp_path, monkeypatch
+):
+    path, real = tmp_path / "a", Path.unlink
+    path.touch()
+
+    def unlink(self, missing_ok=False):
+        if self == path and self.is_file():
+            real(self)
+            self.mkdir()
+            raise IsADirectoryError(EISDIR, "Is a directory")
+        real(self, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", unlink)
+    remove(path)
+    assert not path.exists()
 
 
 def test_what_may_not_be_read_is_said(tmp_path, monkeypatch):
