@@ -1,7 +1,7 @@
 """``PretrainedModel``: style encoder, set encoder and residual network, and how they map labels."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import sqrt
 from typing import Any
 
@@ -315,24 +315,16 @@ class KnownStyle:
 
     def __getitem__(self, rows: NDArray[Any] | list[int] | slice) -> "KnownStyle":
         """Some of the people, in that order, also repeatedly."""
-        return KnownStyle(
-            unit=self.unit[rows],
-            in_study=self.in_study[rows],
-            coefficients=self.coefficients[rows],
-            style=self.style[rows],
-            sums=self.sums[rows],
-        )
+        return KnownStyle(**{one.name: getattr(self, one.name)[rows] for one in fields(self)})
 
     @classmethod
     def concatenate(cls, parts: Sequence["KnownStyle"]) -> "KnownStyle":
         """All people of ``parts``, in order."""
-        return cls(
-            unit=np.concatenate([part.unit for part in parts]),
-            in_study=np.concatenate([part.in_study for part in parts]),
-            coefficients=np.concatenate([part.coefficients for part in parts]),
-            style=np.concatenate([part.style for part in parts]),
-            sums=np.concatenate([part.sums for part in parts]),
-        )
+
+        def together(name: str) -> NDArray[Any]:
+            return np.concatenate([getattr(part, name) for part in parts])
+
+        return cls(**{one.name: together(one.name) for one in fields(cls)})
 
 
 def sums_of(
