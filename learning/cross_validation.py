@@ -114,7 +114,8 @@ def cross_validate(
         built = perf_counter()
         if isinstance(auto := baselines.get("auto"), AutoMapper):
             choices.append(auto.choice)
-            unseen |= set(auto.unlike(list({one.person: 0 for one in fold.train_seen})))
+            known = (*fold.train_seen, *fold.calibrate_new)
+            unseen |= set(auto.unlike(sorted({one.person for one in known})))
         predictions += _score(baselines, fold, number, sums, partial(progress, f"scoring, {name}"))
         seconds["fit"] += fitted - started
         seconds["calibrate"] += calibrated - fitted

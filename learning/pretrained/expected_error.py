@@ -64,7 +64,7 @@ def measure_error_scale(
     network: ResidualNetwork,
     batch: StudyBatch,
     rows: BoolArray,
-    trust: float = 1.0,
+    correction_share: float = 1.0,
 ) -> ErrorScale:
     """Measure on the ``rows`` of ``batch``, (rollouts,), which ``network`` was not trained on.
 
@@ -79,7 +79,7 @@ def measure_error_scale(
             batch.label[rows],
             batch.present[rows],
             None if batch.motion is None else batch.motion[rows],
-            trust,
+            correction_share,
         )
     valid = batch.valid[rows]
     return ErrorScale.from_errors(np.abs(mapped - batch.truth[rows])[valid], stated[valid])

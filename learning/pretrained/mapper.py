@@ -7,13 +7,13 @@ import numpy as np
 from steerlab.learning.empirical_bayes.gaussian import Prior
 from steerlab.learning.empirical_bayes.grid import GridSeries, from_grid
 from steerlab.learning.errors import NotFitted
+from steerlab.learning.pretrained.correction_share import best_share
 from steerlab.learning.pretrained.expected_error import ErrorScale, measure_error_scale
 from steerlab.learning.pretrained.fine_tuning import FineTuningConfig, fine_tuned, study_batch
 from steerlab.learning.pretrained.known_people import known_people, motions_on_grid, prior_of
 from steerlab.learning.pretrained.model import KnownStyle, PretrainedModel, map_labels
-from steerlab.learning.pretrained.style import LARGEST
+from steerlab.learning.pretrained.style import HOW_MANY, LARGEST
 from steerlab.learning.pretrained.teachers import STYLE
-from steerlab.learning.pretrained.trust import trusted_share
 from steerlab.learning.pretrained.weights import load_shipped_model
 from steerlab.learning.series import LabelSeries, lookup_person
 from steerlab.learning.training import torch_threads
@@ -54,7 +54,7 @@ class SimPretrainedMapper:
         self._network = self._model.network
         self._gain = 0.0
         self._prior: Prior | None = None
-        self._trust = 1.0
+        self._correction_share = 1.0
         self._error_scale: ErrorScale | None = None
         self._people: dict[str, KnownStyle] = {}
 
@@ -65,7 +65,11 @@ class SimPretrainedMapper:
             InvalidLabels: no series, or someone without a valid label.
         """
         self._people, self._network, self._gain = {}, self._model.network, 0.0
-        self._error_scale, self._prior, self._trust = None, prior_of(self._model, series), 1.0
+        self._error_scale, self._prior, self._correction_share = (
+            None,
+            prior_of(self._model, series),
+            1.0,
+        )
         self.calibrate(series)
         motions = motions_on_grid(series) if self._context else None
         batch = study_batch(self._model, series, motions)
@@ -75,9 +79,9 @@ class SimPretrainedMapper:
         if self._fine_tuning is not None:
             tuning = fine_tuned(self._model, batch, self._seed, self._fine_tuning)
             self._network, self._gain, unseen = tuning.network, tuning.gain, tuning.unseen
-        self._trust = trusted_share(self._model, self._network, batch, unseen)
+        self._correction_share = best_share(self._model, self._network, batch, unseen)
         self._error_scale = measure_error_scale(
-            self._model, self._network, batch, unseen, self._trust
+            self._model, self._network, batch, unseen, self._correction_share
         )
 
     def calibrate(self, series: Sequence[LabelSeries]) -> None:
@@ -153,7 +157,7 @@ class SimPretrainedMapper:
                     np.stack([grids[row].label for row in rows]),
                     np.stack([grids[row].present for row in rows]),
                     None if motions is None else np.stack(motions),
-                    self._trust,
+                    self._correction_share,
                 )
             for row, labels, error in zip(rows, mapped, stated, strict=True):
                 given = np.isfinite(series[row].label)
@@ -190,7 +194,8 @@ class SimPretrainedMapper:
         Raises:
             UnknownPerson: the person was neither fitted nor calibrated.
         """
-        return bool((np.abs(self.person(person).style[0]) >= LARGEST).sum() >= _UNLIKE)
+        style = np.delete(self.person(person).style[0], HOW_MANY)
+        return bool((np.abs(style) >= LARGEST).sum() >= _UNLIKE)
 
     @property
     def error_scale(self) -> ErrorScale:
@@ -217,9 +222,9 @@ class SimPretrainedMapper:
         return self._gain
 
     @property
-    def trust(self) -> float:
+    def correction_share(self) -> float:
         """The share of the network's correction that counts, as the training people have it."""
-        return self._trust
+        return self._correction_share
 
     @property
     def people(self) -> tuple[str, ...]:

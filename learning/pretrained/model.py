@@ -352,7 +352,7 @@ def map_labels(
     label: FloatArray,
     present: BoolArray,
     motion: FloatArray | None,
-    trust: float = 1.0,
+    correction_share: float = 1.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Mapped labels and their expected absolute error, (batch, samples) each, in wheel units.
 
@@ -365,7 +365,7 @@ def map_labels(
         label: (batch, samples), bridged.
         present: (batch, samples).
         motion: (batch, samples, 3) or None.
-        trust: the share of the network's correction that counts; 0 leaves the closed form.
+        correction_share: how much of the network's correction counts; 0 leaves the closed form.
     """
     prediction = closed_form(label, known.unit, known.coefficients)
     mirrored_motion = None if motion is None else motion * MIRROR_OF_MOTION
@@ -390,6 +390,6 @@ def map_labels(
         corrections.append(sign * correction.double().numpy())
         log_spreads.append(log_spread.double().numpy())
     unit = known.unit[:, None]
-    mapped = unit * (prediction[:, 0] + trust * np.mean(corrections, axis=0))
+    mapped = unit * (prediction[:, 0] + correction_share * np.mean(corrections, axis=0))
     spread = unit * np.exp(np.clip(np.mean(log_spreads, axis=0), *LOG_SPREAD_RANGE))
     return np.clip(mapped, -WHEEL_LIMIT, WHEEL_LIMIT), spread

@@ -37,6 +37,8 @@ _SUMS = 8 + 2 * len(_LAGS) + len(_RESTS)
 STYLE_SIZE = 2 * COMPONENTS + 4 + 10 + 2 * len(_LAGS) + len(_RESTS) + 3
 SIGNED = tuple(range(2 * COMPONENTS, 2 * COMPONENTS + 4))
 """Entries of w that change sign when left and right are exchanged: biases and one-sidedness."""
+HOW_MANY = 2 * COMPONENTS + 9
+"""The entry of w that says how many labels there were, which is nobody's style."""
 
 _LEAST_GAIN = 0.1  # below it a response has no delay
 _LEAST_UNIT = 1e-6

@@ -1,4 +1,4 @@
-"""How far to trust the network: on people unlike the simulated ones less of its correction counts.
+"""How much of the network's correction counts: less of it on people unlike the simulated ones.
 
 The closed form, whose prior is the study's own, holds for whoever is in the study; the network knows
 simulated teachers. The share of its correction that serves the training people best is measured on
@@ -19,10 +19,10 @@ from steerlab.sim.arrays import BoolArray
 from steerlab.sim.vehicle import WHEEL_LIMIT
 
 SHARES = tuple(tenths / 10 for tenths in range(11))
-_LEAST_GAIN = 0.005  # relative to trusting all of it: less is luck
+_LEAST_GAIN = 0.005  # relative to all of it: less is luck
 
 
-def trusted_share(
+def best_share(
     model: PretrainedModel, network: ResidualNetwork, batch: StudyBatch, rows: BoolArray
 ) -> float:
     """One of ``SHARES``; 1 unless another lowers the mean error on ``rows``, (rollouts,), clearly."""
